@@ -179,22 +179,21 @@ def standings(
 
 
 def _measured(item: Judgement) -> str:
-    """Return a requirement with its measured value, in the unit in which the file writes it."""
+    """Return a requirement with its measured value or margin, in the unit of the file."""
     requirement = item.requirement
-    if item.measured is None:
+    if item.margin is None:
         reason = item.note.partition(";")[0]
         return f"{requirement.words}: {reason or 'not measured'}"
 
-    allowed, _, unit = requirement.written.partition(" ")
+    noun = ""
     value = item.measured
-    try:
-        value *= float(allowed) / requirement.number
-    except ValueError:
-        # A requirement that is asked for with ``true`` has no number in the file.
-        unit = requirement.unit
+    if value is None:
+        noun = "margin "
+        value = item.margin
+    value, unit = requirement.in_file_unit(value)
     if unit == "1":
         unit = ""
-    return f"{requirement.words}: {number(value)} {unit}".rstrip()
+    return f"{requirement.words}: {noun}{number(value)} {unit}".rstrip()
 
 
 def _judgement_document(item: Judgement) -> dict[str, Any]:

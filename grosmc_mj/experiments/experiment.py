@@ -337,6 +337,7 @@ class Experiment:
         for requirement in required:
             requirement.refuse_start(laws[0], self.x0)
             requirement.refuse_duration(self.duration)
+            requirement.refuse_timestep(self.settings.timestep, self.duration)
         return required
 
     def checked(self) -> Experiment:

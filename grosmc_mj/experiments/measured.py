@@ -77,9 +77,13 @@ class MeasuredResult(RunResult):
     def _limits(self) -> list[tuple[Requirement, str]]:
         """Requirements on the truest plant, each with the reason why no log decides it, if any."""
         limits = []
+        time = self.trajectory.time
+        period = float(time[1])
+        duration = float(time[-1])
         for limit in self.case.limits:
             if self.case.plant_names[-1] in limit.plants and self.controller.name in limit.laws:
                 reason = limit.why_not_measured(self.controller, self.known)
+                reason = reason or limit.why_too_few_samples(period, duration)
                 limits.append((replace(limit, plants=(self.plant,)), reason))
         return limits
 

@@ -102,10 +102,13 @@ def verdict_table(verdicts: Sequence[Verdict]) -> Table:
 
 
 def _measured(judgement: Judgement) -> str:
-    """Measured value with its unit."""
-    if judgement.measured is None:
-        return "-"
-    return f"{number(judgement.measured)} {judgement.requirement.unit}".strip()
+    """Measured value, or the margin of a formula that has no other, with its unit."""
+    unit = judgement.requirement.unit
+    if judgement.measured is not None:
+        return f"{number(judgement.measured)} {unit}".strip()
+    if judgement.margin is not None:
+        return f"margin {number(judgement.margin)} {unit}".strip()
+    return "-"
 
 
 def export_result(experiment: Experiment, law: LawInC, proof: Proof | None) -> Result:

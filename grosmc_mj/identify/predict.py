@@ -327,7 +327,12 @@ def _quantities(experiment: Experiment, log: Log, law: str) -> Mapping[str, Quan
         name = requirement.words
         label = requirement.key.removesuffix("_within").removesuffix("_below")
         label = f"{requirement.signal} {label}".strip().replace("_", " ")
-        number = math.inf if judgement.measured is None else judgement.measured
+        number = math.inf
+        if judgement.measured is not None:
+            number = judgement.measured
+        elif judgement.margin is not None:
+            number = judgement.margin
+            label = f"margin of {label}"
         quantities[name] = Quantity(name, label, requirement.unit, True, number)
     for key in _REPORTED:
         metric = run.metrics[key]

@@ -15,6 +15,7 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.requirements.conditions import Conditions
 from grosmc_mj.requirements.requirement import Requirement, missing_signals
 from grosmc_mj.requirements.signals import SLIDING, named_units, signals_of
+from grosmc_mj.requirements.temporal import samples_between
 from grosmc_mj.requirements.temporal_text import Specification, read_formula, signals_in
 from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.units import number_in
@@ -26,8 +27,10 @@ class Always(Requirement):
 
     An instant counts if the run is long enough for what the formula asks after it.
 
-    The number is the smallest constant that something is compared with; the measured value is the
-    number less the least margin. So ``abs(error) < 20 mrad`` measures the largest error.
+    Where all of a formula bounds one quantity by numbers, such as ``abs(error) < 20 mrad`` or
+    ``0.9 rad < rotor angle < 1.1 rad``, the measured value is the one of this quantity that is
+    nearest to its bound or furthest past it. Any other formula has a margin alone. The number, of
+    which margins are told as a part, is the smallest constant that something is compared with.
 
     Attributes:
         specification: The formula.
@@ -105,8 +108,46 @@ class Always(Requirement):
         return missing_signals(self.watched(law.designed.error), known)
 
     @property
+    def has_value(self) -> bool:
+        """Whether one quantity is bounded, which can be measured."""
+        return self.specification.formula.bounds is not None
+
+    def margin_of(self, value: Any) -> Any:
+        """Return the margin of a measured value; a formula without one measures its margin."""
+        bounds = self.specification.formula.bounds
+        return value if bounds is None else bounds.margin(value)
+
+    def in_file_unit(self, value: float) -> tuple[float, str]:
+        """Return a value and the unit of the formula, which has no one number."""
+        return value, self.unit
+
+    def refuse_timestep(self, timestep: float, duration: float) -> None:
+        """Refuse windows and intervals between two timesteps."""
+        reason = self._why_no_sample(timestep, duration)
+        if reason:
+            raise ArgumentError(reason)
+
+    def why_too_few_samples(self, period: float, duration: float) -> str:
+        """Name the window or the interval in which there is no sample."""
+        too_few = super().why_too_few_samples(period, duration)
+        return too_few or self._why_no_sample(period, duration)
+
+    def _why_no_sample(self, period: float, duration: float) -> str:
+        """Name the window or the interval in which there is no sample."""
+        intervals = list(self.specification.formula.intervals())
+        if math.isfinite(self.until):
+            intervals.append((self.after, self.until))
+        for begin, end in intervals:
+            first, last = samples_between(begin, end, period, round(duration / period))
+            if last < first:
+                return (
+                    f"no sample is between {begin:g} s and {end:g} s: one comes each {period:g} s"
+                )
+        return ""
+
+    @property
     def metric(self) -> str:
-        """Name of the number less the least margin."""
+        """Name of the measured value, or of the margin where there is none."""
         return f"{self.words} {self.unit}"
 
     def watched(self, error: Any) -> list[str]:
@@ -114,21 +155,30 @@ class Always(Requirement):
         return sorted(self.specification.signals - {"t"})
 
     def of_record(self, run: Trajectory, law: Controller, conditions: Conditions) -> float:
-        """Return the number less the least margin; infinite where a quotient is undefined."""
+        """Return the value nearest to its bound, or the least margin of a formula without one.
+
+        It is infinite where a quotient is undefined.
+        """
         formula = self.specification.formula
+        bounds = formula.bounds
         period = float(run.time[1])
         signals = signals_of(run, law, self.specification.signals)
         try:
             with np.errstate(divide="raise", invalid="raise"):
-                margins = formula.margins(signals, period)
+                if bounds is None:
+                    values = formula.margins(signals, period)
+                else:
+                    values = np.broadcast_to(bounds.quantity.values(signals), run.time.shape)
         except FloatingPointError:
-            return math.inf
+            return -math.inf if bounds is None else bounds.undefined
 
-        first = math.ceil(self.after / period * (1 - 1e-12))
-        end = len(margins) - round(formula.horizon / period)
-        if math.isfinite(self.until):
-            end = min(end, math.floor(self.until / period * (1 + 1e-12)) + 1)
-        return self.number - float(np.min(margins[first:end]))
+        most = len(values) - 1
+        first, last = samples_between(self.after, self.until, period, most)
+        # The last instants have no samples for all that the formula asks after them.
+        needed, _ = samples_between(formula.horizon, math.inf, period, most)
+        last = min(last, most - needed)
+        asked = values[first : last + 1]
+        return float(np.min(asked)) if bounds is None else bounds.nearest(asked)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,8 +26,9 @@ class Judgement(NamedTuple):
         requirement: The requirement.
         controller: Name of the run's controller.
         plant: Name of the run's plant.
-        measured: Measured value in the requirement's unit; None if nothing could be measured.
-        margin: Allowed less measured value; None without one.
+        measured: Measured value in the requirement's unit; None if nothing could be measured, and
+            of a formula that has a margin alone.
+        margin: Allowed less measured value, or the margin of a formula; None without one.
         kept: Whether the run keeps it.
         note: Reason why nothing was measured; of an input its time at the actuators' limit.
     """
@@ -67,8 +68,10 @@ def judge_run(requirement: Requirement, run: MeasuredRun) -> Judgement:
     else:
         measured, note = requirement.measured(run)
         if measured is not None:
-            margin = requirement.number - measured
+            margin = float(requirement.margin_of(measured))
             kept = margin >= 0
+        if not requirement.has_value:
+            measured = None
         notes = (note, requirement.note(run, kept=kept))
         note = "; ".join(filter(None, notes))
     return Judgement(requirement, run.controller.name, run.plant, measured, margin, kept, note)
@@ -167,6 +170,6 @@ def margins_of(
     """
     margins = {}
     for requirement in requirements:
-        margin = requirement.number - metrics[requirement.metric]
+        margin = requirement.margin_of(metrics[requirement.metric])
         margins[requirement.name] = np.where(completed, margin, -np.inf)
     return margins

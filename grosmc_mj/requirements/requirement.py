@@ -12,10 +12,12 @@ from grosmc_mj.errors import ArgumentError, name_list
 from grosmc_mj.requirements.conditions import Conditions
 from grosmc_mj.requirements.measured_run import MeasuredRun
 from grosmc_mj.requirements.measurement import Windows
-from grosmc_mj.requirements.metrics import MeasuredSignal, Metric
+from grosmc_mj.requirements.metrics import DWELL, MeasuredSignal, Metric
 from grosmc_mj.requirements.run_metrics import metrics_of_record
 from grosmc_mj.simulation.trajectory import Trajectory
 
+# Sampling periods of a run at least: an error settles only if it stays for this share of a run.
+_LEAST_INTERVALS = round(1 / DWELL)
 # s(0) and an error at the start are zero to rounding of z and of its reference.
 ROUNDING = 1e-9
 
@@ -123,6 +125,17 @@ class Requirement:
             ArgumentError: If one that fails in it might be kept in a longer one.
         """
 
+    def refuse_timestep(self, timestep: float, duration: float) -> None:
+        """Refuse a requirement on times between two timesteps.
+
+        Args:
+            timestep: Timestep of runs [s].
+            duration: Duration of a run [s].
+
+        Raises:
+            ArgumentError: If a time that it is about has no instant in it.
+        """
+
     def why_undecidable(self, transient: float) -> str:
         """Return why no run can decide it, or nothing.
 
@@ -155,7 +168,42 @@ class Requirement:
             needed = [self.signal]
         return missing_signals(needed, known)
 
+    def why_too_few_samples(self, period: float, duration: float) -> str:
+        """Return why equally spaced samples cannot decide it, or nothing.
+
+        Args:
+            period: Time between two of them [s].
+            duration: Time from the first to the last one [s].
+        """
+        intervals = round(duration / period)
+        if intervals < _LEAST_INTERVALS:
+            return (
+                f"its samples are {period:g} s apart: {duration:g} s need one in each "
+                f"{DWELL * duration:g} s"
+            )
+        if self.quantity == "s" and self.number < period:
+            return f"its samples are {period:g} s apart"
+        return ""
+
     # -- what is measured --------------------------------------------------------------------------
+
+    @property
+    def has_value(self) -> bool:
+        """Whether a value is measured, not a margin alone."""
+        return True
+
+    def margin_of(self, value: Any) -> Any:
+        """Return allowed less measured value."""
+        return self.number - value
+
+    def in_file_unit(self, value: float) -> tuple[float, str]:
+        """Return a value in the unit in which the file writes the number, and that unit."""
+        allowed, _, unit = self.written.partition(" ")
+        try:
+            return value * float(allowed) / self.number, unit
+        except ValueError:
+            # A requirement that is asked for with ``true`` has no number in the file.
+            return value, self.unit
 
     @property
     def metric(self) -> str:

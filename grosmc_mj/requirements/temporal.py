@@ -10,13 +10,57 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.requirements.expressions import Expression
+
+# Rounding of an instant k h.
+_EARLIER = 1 - 1e-12
+_LATER = 1 + 1e-12
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """A quantity and the numbers that it must stay between, in base units.
+
+    Attributes:
+        quantity: The quantity.
+        above: Lower bound; minus infinity for none.
+        below: Upper bound; infinite for none.
+    """
+
+    quantity: Expression
+    above: float = -math.inf
+    below: float = math.inf
+
+    def within(self, other: Bounds) -> Bounds | None:
+        """Return both bounds of one quantity; None for another quantity."""
+        if other.quantity != self.quantity:
+            return None
+        above = max(self.above, other.above)
+        below = min(self.below, other.below)
+        return replace(self, above=above, below=below)
+
+    def margin(self, value: Any) -> Any:
+        """Return the distance of values of the quantity from the nearer bound."""
+        return np.minimum(value - self.above, self.below - value)
+
+    def nearest(self, values: Array) -> float:
+        """Return the value that is nearest to its bound, or furthest past it."""
+        least = float(np.min(values))
+        largest = float(np.max(values))
+        if self.margin(least) < self.margin(largest):
+            return least
+        return largest
+
+    @property
+    def undefined(self) -> float:
+        """Value of a quotient that is undefined: past any bound."""
+        return math.inf if math.isfinite(self.below) else -math.inf
 
 
 @dataclass(frozen=True)
@@ -40,10 +84,25 @@ class Comparison:
         """Yield itself."""
         yield self
 
+    def intervals(self) -> Iterator[tuple[float, float]]:
+        """Yield nothing: it is about an instant."""
+        yield from ()
+
     def scaled(self) -> Comparison:
         """Return the comparison with a margin in parts of its constant."""
         assert self.limit is not None
         return replace(self, scale=self.limit)
+
+    @property
+    def bounds(self) -> Bounds | None:
+        """The quantity and its bound; None if both sides have signals, or none has."""
+        low = self.less.constant
+        high = self.more.constant
+        if high is not None and low is None:
+            return Bounds(self.less, below=high)
+        if low is not None and high is None:
+            return Bounds(self.more, above=low)
+        return None
 
     def margins(self, signals: Mapping[str, Array], period: float) -> Array:
         """Return ``more - less``, see ``Operation.margins``."""
@@ -78,6 +137,28 @@ class Operation:
         for part in self.parts:
             yield from part.comparisons()
 
+    @property
+    def bounds(self) -> Bounds | None:
+        """The one quantity that all its parts bound, all of which must hold; None if it is not so.
+
+        It is a plain number that a run can be measured by; any other formula has a margin only.
+        """
+        bounds = None
+        for part in self.parts:
+            if self.operator != "and" or part.bounds is None:
+                return None
+            bounds = part.bounds if bounds is None else bounds.within(part.bounds)
+            if bounds is None:
+                return None
+        return bounds
+
+    def intervals(self) -> Iterator[tuple[float, float]]:
+        """Yield the intervals after an instant of all temporal operators in it [s]."""
+        if self.operator in ("always", "eventually", "until"):
+            yield self.begin, self.end
+        for part in self.parts:
+            yield from part.intervals()
+
     def scaled(self) -> Operation:
         """Return the formula whose margins are in parts of the constants compared with."""
         return replace(self, parts=tuple(part.scaled() for part in self.parts))
@@ -91,8 +172,7 @@ class Operation:
         """
         inner, *others = [part.margins(signals, period) for part in self.parts]
         count = len(inner)
-        first = min(round(self.begin / period), count)
-        last = count if math.isinf(self.end) else min(round(self.end / period), count)
+        first, last = samples_between(self.begin, self.end, period, count)
         match self.operator:
             case "not":
                 return -inner
@@ -108,6 +188,21 @@ class Operation:
 
 
 Formula = Comparison | Operation
+
+
+def samples_between(begin: float, end: float, period: float, most: int) -> tuple[int, int]:
+    """Return the first and the last sample in an interval; the first is the larger if none is.
+
+    Args:
+        begin: Begin of the interval [s].
+        end: End of the interval [s]; it may be infinite.
+        period: Time between two samples, of which the first is at 0 [s].
+        most: Largest number of a sample.
+    """
+    first = min(math.ceil(begin / period * _EARLIER), most)
+    if math.isinf(end):
+        return first, most
+    return first, min(math.floor(end / period * _LATER), most)
 
 
 def _until(before: Array, after: Array, first: int, last: int) -> Array:

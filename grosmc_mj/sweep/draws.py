@@ -92,7 +92,9 @@ def _worst(first: Judgement, outcomes: Outcomes) -> Judgement:
             measured=None, margin=None, kept=False, note="a draw ends early or never gets there"
         )
     elif first.margin is not None and least < first.margin:
-        measured = requirement.number - least
+        measured = None
+        if requirement.has_value:
+            measured = float(outcomes[requirement.metric][margins.argmin()])
         worst = first._replace(measured=measured, margin=least, kept=least >= 0, note="")
 
     if 0 < kept < draws:

@@ -110,7 +110,7 @@ def test_a_log_of_a_run_is_judged_as_the_run(case, simulated, tmp_path) -> None:
     of_run = by_words(simulated.requirements)
     assert {"kept", "failed"} == {"kept" if item.kept else "failed" for item in of_run.values()}
     for words, judgement in of_log.items():
-        assert judgement.measured == pytest.approx(of_run[words].measured, rel=1e-9), words
+        assert judgement.margin == pytest.approx(of_run[words].margin, rel=1e-9), words
         assert judgement.kept == of_run[words].kept
         assert judgement.plant == "measured"
     assert sorted(of_run.keys() - of_log.keys()) == sorted([*OF_MODEL])
@@ -146,6 +146,19 @@ def test_no_log_has_a_sliding_variable(kind: str, tmp_path: Path) -> None:
     law = Experiment.load("servo/nominal").law("physics", "grosmc")
     reason = of_surface(number=1.0).why_not_measured(law, frozenset({"rotor angle", "error"}))
     assert reason == "a log does not have the sliding variable"
+
+
+@pytest.mark.parametrize("period", [0.05, 0.5, 1.5, 3.0])
+def test_a_log_that_does_not_sample_a_run_in_each_tenth_judges_nothing(tmp_path, period) -> None:
+    """What happens between two samples is unknown: an overshoot, or settling and leaving again."""
+    experiment = load(tmp_path, f"{STEP}overshoot_below = 0.5\n")
+    time = period * np.arange(200.0)
+    rows = [f"{t!r},0,{min(t, 1.0)!r}" for t in time.tolist()]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(["time [s],current [A],rotor angle [rad]", *rows]))
+    case = experiment.varied(duration=3.0)
+    assert bool(measured(case, path).requirements) is (period < 0.3)
+    assert len(measured(case, path).not_judged) == (period > 0.3)
 
 
 def test_a_log_of_positions_has_the_errors_of_outputs(tmp_path: Path) -> None:
@@ -195,8 +208,8 @@ def test_a_run_begins_at_an_instant_of_its_log(case, simulated, tmp_path) -> Non
     result = measured(case, path, start="10 s")
     assert result.begin == pytest.approx(10.0)
     for words, judgement in by_words(result.requirements).items():
-        expected = by_words(simulated.requirements)[words].measured
-        assert judgement.measured == pytest.approx(expected, rel=1e-6), words
+        expected = by_words(simulated.requirements)[words].margin
+        assert judgement.margin == pytest.approx(expected, rel=1e-6, abs=1e-9), words
 
 
 # In a case file and on the command line

@@ -43,10 +43,12 @@ def servo(folder: Path, requirements: str, pushes: str = PUSHES) -> Experiment:
 
 
 def measured(experiment: Experiment) -> list[float]:
-    """Measured values of its requirements."""
+    """Measured values of its requirements that have one."""
     result = experiment.run("corrected", "lqr")
     values = []
     for limit in experiment.limits:
+        if not limit.has_value:
+            continue
         value = judge_run(limit, result).measured
         assert value is not None
         values.append(value)
@@ -80,8 +82,7 @@ def test_an_envelope_holds_from_an_instant_to_another_one(tmp_path) -> None:
     experiment = servo(tmp_path, table)
     run_of_it = experiment.run("corrected", "lqr").trajectory
     counting = (run_of_it.time > 1 - 1e-9) & (run_of_it.time < 3 + 1e-9)
-    (value,) = measured(experiment)
-    assert 0.9 - value == pytest.approx(run_of_it.state[counting, 0].min() - 0.9, rel=1e-12)
+    assert measured(experiment) == [run_of_it.state[counting, 0].min()]
     assert experiment.limits[0].words == "rotor angle above 0.9 rad from 1 s to 3 s"
 
 
@@ -193,7 +194,7 @@ def test_the_longest_time_at_the_limit_is_that_of_the_command(tmp_path) -> None:
 @pytest.mark.parametrize("step", [-1, 1])
 def test_a_text_bounds_the_time_at_the_limit_as_the_key_does(tmp_path, step) -> None:
     """Two timesteps around the longest time."""
-    (longest, _) = measured(saturated(tmp_path, 1))
+    (longest,) = measured(saturated(tmp_path, 1))
     experiment = saturated(tmp_path, round(longest + 2e-3 * step, 6))
     result = experiment.run("corrected", "lqr")
     kept = [judge_run(limit, result).kept for limit in experiment.limits]

@@ -175,6 +175,77 @@ def test_batches_have_the_margins_of_recorded_runs(tmp_path) -> None:
         assert outcomes[f"margin {limit.name}"][139] == pytest.approx(judge_run(limit, run).margin)
 
 
+# -- measured values -------------------------------------------------------------------------------
+
+# Plain numbers: of a text, the value of the angle y of a run that is nearest to its bound.
+PLAIN = {
+    "rotor angle > -0.5 rad": np.min,
+    "rotor angle < 2 rad": np.max,
+    "rotor angle < 0.5 rad": np.max,
+    "0 < rotor angle": np.min,
+    "-10 rad < rotor angle < 1.5 rad": np.max,
+    "rotor angle > -0.1 rad and rotor angle < 20 rad": np.min,
+    "abs(rotor angle) > 1 mrad": lambda y: np.abs(y).min(),
+    "2 * abs(rotor angle) < 20 mrad": lambda y: 2 * np.abs(y).max(),
+}
+
+
+@pytest.mark.parametrize("text", PLAIN)
+def test_a_bound_measures_the_extreme_itself(tmp_path, text) -> None:
+    experiment = servo(tmp_path, f'always = "{text}"').varied(duration=3.0)
+    run = experiment.run("corrected", "lqr")
+    (limit,) = experiment.limits
+    judgement = judge_run(limit, run)
+    measured = judgement.measured
+    assert measured == pytest.approx(PLAIN[text](run.trajectory.state[:, 0]), rel=1e-12)
+    signals = {"t": run.trajectory.time, "rotor angle": run.trajectory.state[:, 0]}
+    least = limit.specification.formula.margins(signals, 1e-3).min()
+    assert judgement.margin == pytest.approx(least, rel=1e-12, abs=1e-15)
+
+
+MARGIN_ALONE = [
+    "abs(rotor angle) < 2 * abs(start(error))",
+    "rotor angle > 0.5 rad or t > 0.1 s",
+    "abs(current) > 2 A implies eventually[0 s, 200 ms] abs(current) < 2 A",
+    "not rotor angle > 3 rad",
+    "abs(rotor angle) < 2 rad and abs(error) < 2 rad",
+    "rotor angle < current * 1 rad / 1 A + 5 rad",
+]
+
+
+@pytest.mark.parametrize("text", MARGIN_ALONE)
+def test_a_formula_that_bounds_no_one_quantity_has_a_margin_alone(tmp_path, text) -> None:
+    experiment = servo(tmp_path, f'always = "{text}"').varied(duration=1.0)
+    (limit,) = experiment.limits
+    judgement = judge_run(limit, experiment.run("corrected", "lqr"))
+    assert judgement.measured is None
+    assert judgement.margin is not None
+    assert judgement.kept == (judgement.margin >= 0)
+
+
+OFF_THE_GRID = [
+    'signal = "rotor angle"\nabove = "-1 rad"\nfrom = "0.1002 s"\nto = "0.1004 s"',
+    'always = "eventually[0.2 ms, 0.4 ms] error < 1 rad"',
+    'always = "always[100.1 ms, 100.9 ms] error < 1 rad"',
+    'always = "error < 1 rad until[5.3 ms, 5.4 ms] error < 1 rad"',
+]
+
+
+@pytest.mark.parametrize("table", OFF_THE_GRID)
+def test_a_window_between_two_samples_is_refused(tmp_path, table) -> None:
+    with pytest.raises(ArgumentError, match=r"no sample is between .*: one comes each 0\.001 s"):
+        servo(tmp_path, table)
+
+
+@pytest.mark.parametrize(("begin", "end"), [(0.0002, 0.0034), (0.001, 0.003), (0.0006, 0.0039)])
+def test_an_interval_has_the_samples_in_it(begin, end) -> None:
+    """1, 2 and 3 ms, whatever stands between two samples."""
+    x = np.array([9.0, 1.0, 2.0, 3.0, -9.0, 9.0])
+    signals = {"t": 1e-3 * np.arange(6.0), "x": x, "y": x}
+    formula = read_formula(f"always[{begin!r} s, {end!r} s] x > 0", UNITS).formula
+    assert formula.margins(signals, 1e-3)[0] == 1.0
+
+
 # -- refusals --------------------------------------------------------------------------------------
 
 WRONG = {
