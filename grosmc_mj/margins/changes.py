@@ -6,8 +6,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from grosmc_mj.loop import Actuator, Loop
 from grosmc_mj.sweep.search import Search
 
@@ -17,8 +15,10 @@ DELAY = "delay"
 # Largest factor of the gain, and bound of the further delay [s].
 MOST = 1024.0
 _LONGEST = 1.0
-# Factors of the gain that are tried first, quarter octaves: under chatter what passes has gaps.
-_GRID = 41
+# Factors that are tried in an octave: of a gain, and of either one in the octave below its first
+# failure, for under chatter what passes has gaps.
+_OF_GAIN = 4
+_FINE = 16
 # Width at which a search ends, over the largest change that passes; just wider than the distance of
 # two numbers of three digits, so that a number lies between those of any wider range.
 _RESOLUTION = 0.0101
@@ -72,21 +72,19 @@ class ChangeSearch(Search):
             middle=lambda low, high: self._tried((low + high) / 2),
             narrow=lambda low, high: high - low <= max(step, _RESOLUTION * low),
             least=1.0,
+            per_octave=1 if kind == DELAY else _OF_GAIN,
         )
         # No change.
         self.known[1.0 - step] = True
 
-    def _grid(self) -> list[float]:
-        if self.kind == DELAY:
-            return super()._grid()
-        grid = np.geomspace(1.0, MOST, _GRID).tolist()
-        return [self._tried(factor) for factor in grid[:-1]] + grid[-1:]
+    def _grid(self, per_octave: int) -> list[float]:
+        return [self._tried(factor) for factor in super()._grid(per_octave)]
 
     def _tried(self, factor: float) -> float:
         """The factor that is tried in place of another one."""
         if self.kind == DELAY:
-            return factor
-        return float(f"{factor:.3g}")
+            return float(math.floor(factor))
+        return MOST if factor == MOST else float(f"{factor:.3g}")
 
     def size(self, factor: float) -> float:
         """Change for a factor of the search: a factor, or a delay [s]."""
@@ -122,7 +120,10 @@ def search_changes(
         passing: Tells which of some loops pass; those of a round are asked for together.
     """
     while True:
-        tried = [(search, factor) for search in searches for factor in search.on_grid(MOST)]
+        tried = []
+        for search in searches:
+            factors = search.on_grid(MOST) or search.finely(_FINE)
+            tried += [(search, factor) for factor in factors]
         if not tried:
             return
         loops = [search.loop(loop, inputs, factor) for search, factor in tried]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -18,6 +18,7 @@ from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.loop import Loop
 from grosmc_mj.machine import MachinePart
 from grosmc_mj.margins.chatter import chatter
+from grosmc_mj.margins.multisine import multisine
 from grosmc_mj.margins.sensitivity import LEAVES, REALIZATIONS, Place, RunningLoop
 from grosmc_mj.margins.task import Task, TaskMargin
 from grosmc_mj.margins.trust import measure_with_tests
@@ -134,6 +135,7 @@ class MarginStudy(Study[LawMargins]):
         injection: Largest injection at an input [unit of the input]; 0 for a quarter of its limit.
         period: Period of the injections [s]; 0 for the length of the task.
         draws: Draws of a loop that the task is judged over.
+        chosen: Names of laws that were asked for.
     """
 
     kind = "margins"
@@ -144,6 +146,7 @@ class MarginStudy(Study[LawMargins]):
     injection: float = 0.0
     period: float = 0.0
     draws: int = 1
+    chosen: Sequence[str] = ()
 
     @property
     def case(self) -> Experiment:
@@ -220,13 +223,24 @@ class MarginStudy(Study[LawMargins]):
 
 
 def _ranges(setup: Setup) -> Array:
-    """Range of each state in the nominal task under the first law, (n,)."""
-    loop = setup.running(setup.laws[0], setup.loop)
-    nothing = [Injected((0.0,), loop.control_period)]
-    place = Place(loop.plant.system.inputs[0].name)
-    started = replace(loop, x0=np.array(setup.nominal.x0))
-    run = started.run(place, nothing, 0, setup.nominal.duration)
-    return np.ptp(run.state[0], axis=0)
+    """Range of each state in the nominal task, (n,), under the first law with which it can run.
+
+    Those that the case runs come first; zeros if there is none.
+    """
+    laws = sorted(setup.laws, key=lambda law: law.base not in setup.case.controllers)
+    for law in laws:
+        try:
+            loop = setup.running(law, setup.loop)
+            nothing = [Injected((0.0,), loop.control_period)]
+            place = Place(loop.plant.system.inputs[0].name)
+            started = replace(loop, x0=np.array(setup.nominal.x0))
+            run = started.run(place, nothing, 0, setup.nominal.duration)
+        except SetupError:
+            raise
+        except GrosmcError:
+            continue
+        return np.ptp(run.state[0], axis=0)
+    return np.zeros(len(setup.case.nominal.system.states))
 
 
 def law_margins(
@@ -245,22 +259,36 @@ def law_margins(
 
     Raises:
         SetupError: If the computer, not the law, is at fault.
-        ArgumentError: If an injection cannot be sized, or the loop leaves its region under each.
+        ArgumentError: If an injection cannot be sized, its period is too short, or the loop of a
+            law that the case runs or that was chosen leaves its region under the one asked for.
     """
     name = f"{setup.name}: {law.name}"
     row = LawMargins(setup=setup.name, law=law.name)
     places = studied.places(setup)
+    multisine(studied.period or setup.nominal.duration, setup.nominal.settings.control_period)
     try:
-        running = setup.running(law, setup.loop)
+        refused, margins = _task_margins(studied, setup, law, lambda at: advance(f"{name}: {at}"))
+        measured = _signals(studied, setup, law, places, lambda at: advance(f"{name}: {at}"))
     except SetupError:
         raise
     except GrosmcError as error:
         return row.model_copy(update={"impossible": str(error)})
 
+    row = row.model_copy(update={"refused": refused, "task": margins, **measured})
+    asked_for = law.base in setup.case.controllers or law.name in studied.chosen
+    if studied.injection and asked_for:
+        _require_in_region(row)
+    return row
+
+
+def _task_margins(
+    studied: MarginStudy, setup: Setup, law: StudiedLaw, advance: Advance
+) -> tuple[dict[str, str], list[TaskMargin]]:
+    """Return what breaks without any change, by condition, and the margins under the others."""
     refused: dict[str, str] = {}
     margins: list[TaskMargin] = []
     for condition in setup.conditions:
-        advance(f"{name}: {condition.name}: task")
+        advance(f"{condition.name}: task")
         task = setup.task(law, condition, studied.draws)
         (breaks,) = task.breaking([task.loop])
         if breaks:
@@ -268,11 +296,22 @@ def law_margins(
             refused[condition.name] = in_draws(breaks, failing, len(task.draw_numbers))
         else:
             margins += task.margins()
+    return refused, margins
 
+
+def _signals(
+    studied: MarginStudy,
+    setup: Setup,
+    law: StudiedLaw,
+    places: Mapping[Place, float],
+    advance: Advance,
+) -> dict[str, Any]:
+    """Return where a law begins to chatter, and S at all places and amplitudes."""
+    running = setup.running(law, setup.loop)
     period = studied.period or setup.nominal.duration
     begins = None
     if law.controller.designed.switching:
-        advance(f"{name}: chatter")
+        advance("chatter")
         place, largest = next(iter(places.items()))
         size = largest / SHARE
         begins = chatter(lambda loop: setup.running(law, loop), setup.loop, place, size, period)
@@ -280,15 +319,23 @@ def law_margins(
     levels: list[Level] = []
     for place, largest in places.items():
         for rms in largest * LEVELS:
-            advance(f"{name}: S at {place.name}, {number(rms)} rms")
+            advance(f"S at {place.name}, {number(rms)} rms")
             levels.append(_level(running, place, period, rms))
-        if studied.injection and not place.output and LEAVES in levels[-1].doubt:
+    return {"chatter": begins, "levels": levels}
+
+
+def _require_in_region(row: LawMargins) -> None:
+    """Refuse an injection at an input under which the loop leaves its region.
+
+    Raises:
+        ArgumentError: With the size to make smaller.
+    """
+    for level in row.of_inputs[len(LEVELS) - 1 :: len(LEVELS)]:
+        if LEAVES in level.doubt:
             raise ArgumentError(
-                f"{setup.name}: the loop with {law.name} leaves its region under an injection of "
-                f"{number(largest)} {levels[-1].unit} rms: give a smaller --injection"
+                f"{row.setup}: the loop with {row.law} leaves its region under an injection of "
+                f"{number(level.rms)} {level.unit} rms: give a smaller --injection"
             )
-    update = {"refused": refused, "task": margins, "chatter": begins, "levels": levels}
-    return row.model_copy(update=update)
 
 
 def _level(running: RunningLoop, place: Place, period: float, rms: float) -> Level:
@@ -362,7 +409,7 @@ def margin_study(
     seconds = number_in(period, "s") if period else 0.0
     if (injection and largest <= 0) or (period and seconds <= 0):
         raise ArgumentError("--injection and --period must be positive")
-    return MarginStudy(target, setups, largest, seconds, draws)
+    return MarginStudy(target, setups, largest, seconds, draws, chosen)
 
 
 def _in_loop(

@@ -41,19 +41,24 @@ LEGEND = (
 
 
 def verdict(rows: Sequence[LawMargins]) -> str:
-    """Return one sentence about the last setup: the laws with the least and the largest delay."""
+    """Return a sentence about the last setup: the laws with the least and the largest delay.
+
+    Before it stand the laws that keep the task under no condition.
+    """
     setup = rows[-1].setup
     delays: dict[str, float] = {}
     for row in rows:
         worst = row.worst_of_task(DELAY)
         if row.setup == setup and worst is not None:
             delays[row.law] = worst.kept
+    failing = [row.law for row in rows if row.setup == setup and not row.task]
+    first = f"Without any change {', '.join(failing)}: not kept. " if failing else ""
     if not delays:
         return f"{setup}: no law keeps its task."
 
     least = min(delays, key=delays.__getitem__)
     most = max(delays, key=delays.__getitem__)
-    sentence = f"{setup}: {least} tolerates {_milliseconds(delays[least])} ms more delay"
+    sentence = f"{first}{setup}: {least} tolerates {_milliseconds(delays[least])} ms more delay"
     if most != least:
         sentence += f", {most} {_milliseconds(delays[most])} ms"
     return f"{sentence}."

@@ -24,7 +24,7 @@ from grosmc_mj.studies import law_margins as rows_of_laws
 from grosmc_mj.studies import margins_figure
 from grosmc_mj.studies.law_margins import LEVELS, LawMargins, Level
 from grosmc_mj.studies.margins import MarginStudy, law_margins, margin_study
-from grosmc_mj.studies.margins_answer import margin_table, notes
+from grosmc_mj.studies.margins_answer import margin_table, notes, verdict
 from grosmc_mj.studies.study import CellRunner
 
 REQUIRED = 'requirement = [{ stays_within = "0.1 rad", after = "3 s" }]'
@@ -282,6 +282,21 @@ def test_the_command_writes_a_document_and_resumes(tmp_path: Path, capsys: Scree
     assert run(*command, "--resume", "--verbose") == cli.DONE
     assert [file.stat().st_mtime_ns for file in files] == times
     assert "S at each amplitude" in capsys.readouterr().out
+
+
+def test_a_law_that_the_file_does_not_run_stops_no_other_one(tmp_path: Path) -> None:
+    """It raises an error in its first step; that is said in its row."""
+    code = "def beyond(t, x, memory, p, u):\n    u[5] = 1.0\n"
+    (tmp_path / "mine.py").write_text(code)
+    target = written(tmp_path, REQUIRED, LIMITED)
+    content = target.read_text() + '[laws.wrong]\nlaw = "mine:beyond"\n'
+    target.write_text(content)
+    studied = margin_study(str(target), ["wrong", "lqr"])
+    wrong, lqr = [law_margins(studied, studied.setups[0], law) for law in studied.setups[0].laws]
+    assert "IndexError" in wrong.impossible
+    assert not lqr.impossible
+    assert lqr.task
+    assert verdict([wrong, lqr]).startswith("Without any change wrong: not kept. ")
 
 
 @pytest.mark.parametrize(
