@@ -22,6 +22,7 @@ import hypothesis
 import numpy as np
 import pytest
 from commands import run
+from last_digits import change_last_digits
 
 import grosmc_mj
 from grosmc_mj.arrays import Array
@@ -52,11 +53,15 @@ os.environ.setdefault(
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Compile the package once for all processes that the tests start.
+    """Change the last digits of linear algebra if asked (see ``emulated_machine.py``).
+
+    Compile the package once for all processes that the tests start.
 
     Where Python may not write bytecode each of them would compile it, which takes as long as a
     short command.
     """
+    if os.environ.get("LAST_DIGITS"):
+        change_last_digits()
     if not hasattr(config, "workerinput"):
         compileall.compile_dir(Path(grosmc_mj.__file__).parent, quiet=2)
 

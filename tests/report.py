@@ -39,7 +39,7 @@ def parts() -> list[str]:
 def changed() -> float:
     """Return the time of the last change of the code or of a test."""
     times = []
-    for top in ("grosmc_mj", "models", "tests"):
+    for top in ("grosmc_mj", "measured", "models", "tests"):
         files = [path for path in (ROOT / top).rglob("*") if path.is_file()]
         times += [path.stat().st_mtime for path in files if path.parent.name != "__pycache__"]
     return max(times)
