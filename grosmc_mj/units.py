@@ -21,9 +21,8 @@ if TYPE_CHECKING:
 
 # An example for messages, by the unit that is wanted.
 _EXAMPLES = {"s": "6 s", "rad": "10 deg", "m": "5 cm", "N": "2 N", "N m": "0.5 N m", "kg": "1 kg"}
-# Units with powers of one digit: nothing that takes long to compute.
-_UNIT = re.compile(r"(?:[A-Za-zµΩ°%/*·()⁰¹²³ -]|(?:\^|\*\*)-?\d(?!\d|\s*(?:\*\*|\^))){1,40}")
 _PERCENT = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)\s*%")
+_PER_SECOND = re.compile(r"/s(?:\^(\d))?$")
 _NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)", re.DOTALL)
 
 
@@ -55,8 +54,97 @@ _COMMON = {
     "V": (1.0, "V"),
     "mV": (1e-3, "V"),
 }
-# A name with the separator before it and its power.
-_PART = re.compile(r"(?<![ */])([ */]*)([^\W\d]+|1)(?:\^(\d))?")
+# -- units as text ---------------------------------------------------------------------------------
+
+_SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹"
+_IN_LINE = str.maketrans(_SUPERSCRIPTS + "⁻", "0123456789-")
+_NAME = rf"[^\W\d_{_SUPERSCRIPTS}]+|°[A-Za-z]?|%|1"
+_POWER = rf"(?:\^|\*\*)-?\d(?!\d)|⁻?[{_SUPERSCRIPTS}]"
+_TOKEN = re.compile(rf"\s*(?:(?P<power>{_POWER})|(?P<name>{_NAME})|(?P<sign>[*·/()]))")
+# Characters and powers of a unit at most: nothing that takes long to compute.
+_LONGEST = 40
+_LARGEST_POWER = 9
+
+
+class _NoUnitError(Exception):
+    """A text that is no product of powers of names."""
+
+
+class _UnitReader:
+    """Reader of products of names with powers, from the left to the right."""
+
+    def __init__(self, text: str) -> None:
+        self._tokens: list[tuple[str, str]] = []
+        place = 0
+        while place < len(text.rstrip()):
+            match = _TOKEN.match(text, place)
+            if match is None or len(text) > _LONGEST:
+                raise _NoUnitError
+            self._tokens.append((str(match.lastgroup), match[0].strip()))
+            place = match.end()
+        # Taken from the end.
+        self._tokens.reverse()
+
+    def whole(self) -> Counter[str]:
+        """Read all of the text; the power of each name."""
+        powers = self._product()
+        largest = max(map(abs, powers.values()), default=0)
+        if self._tokens or largest > _LARGEST_POWER:
+            raise _NoUnitError
+        return powers
+
+    def _takes(self, sign: str) -> bool:
+        """Whether the next token is this sign, which is taken then."""
+        taken = bool(self._tokens) and self._tokens[-1] == ("sign", sign)
+        if taken:
+            self._tokens.pop()
+        return taken
+
+    def _product(self) -> Counter[str]:
+        """Read factors up to a closing bracket or the end; the next name after / is divided by."""
+        powers = Counter[str]()
+        first = True
+        while self._tokens and (first or self._tokens[-1] != ("sign", ")")):
+            direction = 1
+            if not first and self._takes("/"):
+                direction = -1
+            elif not first:
+                _ = self._takes("*") or self._takes("·")
+            first = False
+            for name, power in self._factor().items():
+                powers[name] += direction * power
+        return powers
+
+    def _factor(self) -> Counter[str]:
+        """Read a name or a bracket, and its power."""
+        if not self._tokens:
+            raise _NoUnitError
+        if self._takes("("):
+            powers = self._product()
+            if not self._takes(")"):
+                raise _NoUnitError
+        else:
+            kind, name = self._tokens.pop()
+            if kind != "name":
+                raise _NoUnitError
+            powers = Counter({name: 1})
+            del powers["1"]
+
+        if self._tokens and self._tokens[-1][0] == "power":
+            _, text = self._tokens.pop()
+            exponent = int(text.translate(_IN_LINE).lstrip("^*"))
+            powers = Counter({name: exponent * power for name, power in powers.items()})
+        return powers
+
+
+# A case file has the same units many times.
+@cache
+def _named_powers(text: str) -> tuple[tuple[str, int], ...] | None:
+    """Return the names in a unit with their powers; None if it is no unit."""
+    try:
+        return tuple(_UnitReader(text).whole().items())
+    except _NoUnitError:
+        return None
 
 
 @dataclass(frozen=True)
@@ -68,14 +156,16 @@ class Unit:
 
     @classmethod
     def of(cls, text: str) -> Unit:
-        """Read a unit such as ``N m/rad``."""
+        """Read a unit such as ``N m/rad``, ``m/s^2``, ``m/s²`` or ``V/(rad/s)``.
+
+        A text that cannot be read is the name of a unit of its own.
+        """
+        named = _named_powers(text)
+        if named is None:
+            return Unit(1.0, ((text, 1),))
         unit = Unit()
-        for separator, name, exponent in _PART.findall(text):
-            power = int(exponent or 1)
-            if "/" in separator:
-                power = -power
-            if name != "1":
-                unit = unit.times(_simple(name), power)
+        for name, power in named:
+            unit = unit.times(_simple(name), power)
         return unit
 
     def times(self, other: Unit, power: int = 1) -> Unit:
@@ -112,24 +202,36 @@ def unit_pattern(*units: str) -> str:
     """Return a regular expression for common units and further ones, alone or multiplied."""
     names = set(_COMMON)
     for unit in units:
-        names.update(name for _, name, _ in _PART.findall(unit))
-    longest_first = sorted(names - {"1"}, key=len, reverse=True)
-    one = rf"(?:{'|'.join(map(re.escape, longest_first))})(?:\^\d)?"
-    return rf"{one}(?:[ */]{one})*(?![\w^])"
+        names.update(name for name, _ in _named_powers(unit) or ())
+    longest_first = sorted(names, key=len, reverse=True)
+    one = rf"(?:{'|'.join(map(re.escape, longest_first))})(?:{_POWER})?"
+    product = rf"{one}(?:[ */·]{one})*"
+    return rf"{product}(?:[*/·]\({product}\))?(?![\w^])"
 
 
-# Reading a formula of units takes a moment, and a case file has the same ones many times.
-@cache
-def _common_factor(written: str, unit: str) -> float | None:
-    """Return the factor from one product of common units to another; None where pint must tell."""
-    pattern = unit_pattern()
-    if not re.fullmatch(pattern, written) or not re.fullmatch(pattern, unit):
-        return None
+def rate_unit(unit: str) -> str:
+    """Return the unit of a rate of change, such as ``m/s^2`` for ``m/s``."""
+    match = _PER_SECOND.search(unit)
+    if match is None:
+        return f"{unit}/s"
+    return f"{unit[: match.start()]}/s^{int(match[1] or 1) + 1}"
+
+
+def _factor_between(written: str, unit: str) -> float | None:
+    """Return the factor from one unit to another of the same names; None where pint must tell."""
     first = Unit.of(written)
     second = Unit.of(unit)
     if first.powers != second.powers:
         return None
     return first.factor / second.factor
+
+
+def _for_pint(unit: str) -> str:
+    """Write a unit as a product of powers: pint knows names, and reads no text."""
+    named = _named_powers(unit)
+    if not named:
+        return unit
+    return " * ".join(f"{name}**{power}" for name, power in named)
 
 
 # -- numbers with units ----------------------------------------------------------------------------
@@ -218,14 +320,14 @@ def number_in(value: Any, unit: str) -> float:
     written = match[2]
     if not written:
         raise ArgumentError(f'"{text}" has no unit: write "{text} {unit}"')
-    if not _UNIT.fullmatch(written):
+    if written == unit:
+        return _finite(number, value)
+    if _named_powers(written) is None:
         raise ArgumentError(
             f'"{text}": {value_text(written)} is no unit; write it as in "{example}"'
         )
 
-    if written == unit:
-        return _finite(number, value)
-    factor = _common_factor(written, unit)
+    factor = _factor_between(written, unit)
     if factor is not None:
         return _finite(number * factor, value)
     try:
@@ -279,8 +381,8 @@ def _converted(number: float, written: str, unit: str) -> float:
     from pint import DimensionalityError
 
     try:
-        quantity = _registry().Quantity(number, _registry().parse_units(written))
-        return float(quantity.to(unit).magnitude)
+        quantity = _registry().Quantity(number, _registry().parse_units(_for_pint(written)))
+        return float(quantity.to(_for_pint(unit)).magnitude)
     except DimensionalityError:
         raise _UnitError(f" cannot be converted to {unit}") from None
     # pint has no common class of errors for text that it cannot read.

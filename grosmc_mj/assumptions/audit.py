@@ -19,6 +19,7 @@ from grosmc_mj.experiments.plants import design_variant
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.plants import AnalyticPlant
 from grosmc_mj.simulation.trajectory import Status
+from grosmc_mj.units import rate_unit
 
 # Points of the grid over the operating region, for all axes together.
 _GRID = 169
@@ -422,7 +423,7 @@ def _gain(law: Controller, region: Balance, along: Balance) -> Premise:
         switching_premise(design, along),
         region=reading_of(region, region.margin),
         remedy=remedy,
-        note=f"required at most {required:.3g} {per_second(design.sliding_unit)}",
+        note=f"required at most {required:.3g} {rate_unit(design.sliding_unit)}",
     )
 
 
@@ -437,16 +438,9 @@ def switching_premise(design: Design, along: Balance) -> Premise:
         name,
         source,
         "the law's switching rate ρ at least push / r, what is required of it",
-        per_second(design.sliding_unit),
+        rate_unit(design.sliding_unit),
         along=reading_of(along, along.margin),
     )
-
-
-def per_second(unit: str) -> str:
-    """The unit of a rate of change."""
-    if unit.endswith("/s"):
-        return f"{unit.removesuffix('/s')}/s²"
-    return f"{unit}/s"
 
 
 def initial_surface(sliding: Array | None) -> Premise:

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.assumptions.audit import per_second
 from grosmc_mj.assumptions.balance import Loads, disturbed_motion
 from grosmc_mj.assumptions.loads import Instants, Load, instants_of, loads_of, some_of
 from grosmc_mj.control.coordinates.state import StateCoordinates
@@ -17,6 +16,7 @@ from grosmc_mj.control.reaching import matrix_vector
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.plants import design_variant
 from grosmc_mj.physics.hooks import warnings_counted_only
+from grosmc_mj.units import rate_unit
 
 # Share of the largest effect on z' up to which all of it is matched: MuJoCo's input matrix comes
 # from finite differences, and dry friction answers to a load.
@@ -127,7 +127,7 @@ def _finding(subject: str, result: RunResult, effect: Array, gain: Array) -> Fin
     row = int(beside.argmax())
     if beside[row] <= _MATCHED * np.abs(effect).max():
         return matched
-    return matched._replace(value=float(beside[row]), unit=per_second(error.units[row]))
+    return matched._replace(value=float(beside[row]), unit=rate_unit(error.units[row]))
 
 
 def _lines(findings: Iterable[Finding]) -> list[str]:

@@ -20,7 +20,6 @@ from grosmc_mj.assumptions.audit import (
     Reading,
     audit,
     initial_surface,
-    per_second,
     reading_of,
     signals,
     switching_premise,
@@ -35,6 +34,7 @@ from grosmc_mj.physics.hooks import warnings_counted_only
 from grosmc_mj.robots.coordinates import RobotCoordinates
 from grosmc_mj.robots.dynamics import bias, inertia
 from grosmc_mj.simulation.trajectory import Trajectory
+from grosmc_mj.units import rate_unit
 
 # The balance is computed at so many instants of a run; torques and angles at all of them.
 _INSTANTS = 400
@@ -122,7 +122,7 @@ def _along(result: RunResult, plant: Any) -> Balance:
 def _rate(result: RunResult, plant: Any, points: Balance) -> Premise:
     """The switching rate covers what pushes s away, with the input gain's uncertainty counted."""
     design = result.controller.designed
-    unit = per_second(design.sliding_unit)
+    unit = rate_unit(design.sliding_unit)
     worst = points.at(int(points.required.argmax()))
     joint = _driven(result)[int(np.abs(worst.pushes).argmax())]
 

@@ -16,6 +16,7 @@ from grosmc_mj.fields import Finite, Items, Name, Positive, checked
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants.equations import Equations
 from grosmc_mj.plants.parametrization import LinearParametrization
+from grosmc_mj.units import rate_unit
 
 Variant = Literal["printed", "corrected"]
 
@@ -57,11 +58,6 @@ class Model(Protocol):
     def actuator(self, name: str, /) -> Any:
         """An actuator, with its gear."""
         ...
-
-
-def rate_unit(unit: str) -> str:
-    """Unit of the rate of a signal that has a unit."""
-    return f"{unit}/s".replace("/s/s", "/s^2")
 
 
 @dataclass(frozen=True)

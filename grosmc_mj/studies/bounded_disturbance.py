@@ -14,7 +14,6 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, value_text
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.plants import System
-from grosmc_mj.plants.system import rate_unit
 from grosmc_mj.simulation.disturbances import (
     AnyDisturbance,
     Constant,
@@ -25,7 +24,7 @@ from grosmc_mj.simulation.disturbances import (
     SineFrom,
     Table,
 )
-from grosmc_mj.units import number_in, typed_number
+from grosmc_mj.units import number_in, rate_unit, typed_number
 
 # Values in a piece of a signal with a bounded rate.
 _LEVELS = 20

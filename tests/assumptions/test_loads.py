@@ -176,7 +176,7 @@ LOAD_ON_INPUT = '[[disturbance]]\ninput = "voltage"\namplitude = "1 V"'
         (
             LOAD_ON_SPEED,
             [
-                "the load on speed is unmatched: no switching term rejects it (up to 4 rad/s² in "
+                "the load on speed is unmatched: no switching term rejects it (up to 4 rad/s^2 in "
                 "z' where no input acts)"
             ],
         ),

@@ -504,4 +504,4 @@ def test_uncertain_kinematics_are_not_matched(J: float) -> None:
 def test_units_of_outputs_that_are_no_states_are_those_of_their_derivatives() -> None:
     outputs = (sp.sinh(sp.Symbol("angle")),)
     curved = ErrorCoordinates(THIRD_ORDER, setpoints(3), outputs=outputs, unit="m")
-    assert curved.units == ("m", "m/s", "m/s²")
+    assert curved.units == ("m", "m/s", "m/s^2")

@@ -14,6 +14,7 @@ from case_texts import STEP, load
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.shipped import find_file
+from grosmc_mj.requirements.always import Always
 from grosmc_mj.requirements.judging import judge_run
 from grosmc_mj.requirements.temporal_text import read_formula
 from grosmc_mj.sweep.runs import Row, run_rows
@@ -199,6 +200,7 @@ def test_a_bound_measures_the_extreme_itself(tmp_path, text) -> None:
     measured = judgement.measured
     assert measured == pytest.approx(PLAIN[text](run.trajectory.state[:, 0]), rel=1e-12)
     signals = {"t": run.trajectory.time, "rotor angle": run.trajectory.state[:, 0]}
+    assert isinstance(limit, Always)
     least = limit.specification.formula.margins(signals, 1e-3).min()
     assert judgement.margin == pytest.approx(least, rel=1e-12, abs=1e-15)
 

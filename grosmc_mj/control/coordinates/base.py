@@ -19,8 +19,7 @@ from grosmc_mj.control.references import ReferenceFunction
 from grosmc_mj.errors import ArgumentError, PremiseError, value_text
 from grosmc_mj.jitable import jitable
 from grosmc_mj.plants import AnalyticPlant, Plant, System
-
-_PER_SECOND = ("", "/s", "/s²", "/s³")
+from grosmc_mj.units import rate_unit
 
 # Jitable (t, x, p, z): write the error state z (n,) of x, by the nominal ``p.plant``.
 StateMap = Callable[[float, Any, Any, Any], None]
@@ -404,7 +403,9 @@ class OutputCoordinates(Coordinates):
         units: list[str] = []
         degrees = self.linearization.relative_degree
         for unit, degree in zip(self.output_units, degrees, strict=True):
-            units += [unit + _PER_SECOND[min(order, 3)] for order in range(degree)]
+            for _ in range(degree):
+                units.append(unit)
+                unit = rate_unit(unit)
         return tuple(units)
 
     @property
