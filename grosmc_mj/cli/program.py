@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated
 
@@ -27,6 +28,8 @@ from grosmc_mj.films.offscreen import without_graphics
 if TYPE_CHECKING:
     from grosmc_mj.cli.command import Command
 
+# Beginning of a negative number.
+_NEGATIVE = re.compile(r"-\.?\d")
 # The format of ``run --save`` without one.
 _FORMAT = "parquet"
 
@@ -74,7 +77,7 @@ def parse(arguments: Sequence[str]) -> Command | None:
     Raises:
         ArgumentError: If they describe none, in one line.
     """
-    words = _with_format(arguments)
+    words = _with_negative_values(_with_format(arguments))
     # A removed subcommand is refused: its name is not taken for a claim.
     if words[:2] == ["claims", "self-test"]:
         raise _refusal(unknown_name("command", "self-test", CLAIMS), ["claims"])
@@ -97,6 +100,18 @@ def _with_format(arguments: Sequence[str]) -> list[str]:
             words.insert(index + 1, _FORMAT)
             break
     return words
+
+
+def _with_negative_values(words: Sequence[str]) -> list[str]:
+    """Return the words with each negative number joined to its option, which it else looks like."""
+    joined: list[str] = []
+    for word in words:
+        follows = joined and joined[-1].startswith("--") and "=" not in joined[-1]
+        if follows and _NEGATIVE.match(word):
+            joined[-1] += f"={word}"
+        else:
+            joined.append(word)
+    return joined
 
 
 def _application(words: Sequence[str]) -> App:

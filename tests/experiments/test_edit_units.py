@@ -52,6 +52,12 @@ def test_a_gear_may_have_a_unit(tmp_path, gear) -> None:
     assert edit.gear == pytest.approx(0.3)
 
 
+def test_the_gear_of_a_force_has_no_unit(tmp_path) -> None:
+    """The force of one newton of the input is a number of newtons, whatever the other joints."""
+    (edit,) = read(tmp_path, '[[edit]]\ninput = "force"\ngear = 1.5\n').edits
+    assert edit == InputEdit("force", 1.5)
+
+
 @pytest.mark.parametrize(
     ("edit", "words"),
     [
@@ -61,6 +67,7 @@ def test_a_gear_may_have_a_unit(tmp_path, gear) -> None:
         ('joint = "hinge"\ndamping = true', "edit of 'hinge': damping: True must be a number"),
         ('joint = "slidr"\nfriction = "0.5 N"', "unknown joint 'slidr': did you mean 'slider'"),
         ('input = "force"\ngear = "2 N m"', "edit of 'force': gear: "),
+        ('input = "force"\ngear = "2 N m/N"', "'force': gear: .* must be a number without a unit"),
     ],
 )
 def test_a_unit_that_does_not_fit_is_refused_in_one_line(tmp_path, edit, words) -> None:

@@ -314,10 +314,97 @@ def test_resume_goes_on_between_the_worst_signal_and_the_largest_bound(
     assert "all is kept up to" in capsys.readouterr().out
 
 
+def unruly(folder: Path, law: str, limit: str = "5 rad") -> Path:
+    """Case file of the servo under a law that is written in Python."""
+    (folder / "mine.py").write_text(f"def law(t, x, memory, p, u):\n    u[0] = {law}\n")
+    path = folder / "unruly.toml"
+    path.write_text(
+        '[plant]\nsystem = "servo"\n[run]\nduration = "0.1 s"\n'
+        'start = { "rotor angle" = "0 rad" }\n[[controller]]\nlaw = "mine:law"\n'
+        f'[[requirement]]\nstays_within = "{limit}"\n'
+    )
+    return path
+
+
+def test_a_law_that_is_not_a_number_from_the_start_fails_without_any_disturbance(
+    tmp_path, capsys: Screen
+) -> None:
+    path = unruly(tmp_path, 'x[0] * float("nan")')
+    options = ("--on", "current", "--bound", "1 A", "--largest", "--out", tmp_path)
+    assert run("study", "disturbance", path, *options) == 1
+    assert "law: the run ends early without any disturbance" in capsys.readouterr().out
+    document = json.loads((tmp_path / "disturbance_unruly.json").read_text())
+    assert document["found"][0]["runs"] == 1
+
+
+def test_what_fails_without_any_disturbance_is_said_first(tmp_path, capsys: Screen) -> None:
+    """It stands 1 rad from its reference, and must stay within 0.5."""
+    path = unruly(tmp_path, "0.0", "0.5 rad")
+    options = ("--on", "current", "--bound", "1 A", "--pieces", "2", "--out", tmp_path)
+    assert run("study", "disturbance", path, *options, "--largest") == 1
+    screen = capsys.readouterr().out
+    assert screen.startswith("Without any disturbance law: not kept.")
+    assert "law: not kept without any disturbance, 2 of the limit; " in screen
+    assert "all is kept" not in screen
+
+
+@pytest.mark.parametrize("bound", ["1e308 A", "-1e308 A", "1e200 A"])
+def test_a_bound_beyond_any_number_ends_the_run(tmp_path, capsys: Screen, bound) -> None:
+    path = unruly(tmp_path, "0.0")
+    options = ("--on", "current", "--bound", bound, "--pieces", "2", "--out", tmp_path)
+    code = run("study", "disturbance", path, *options)
+    screen = capsys.readouterr()
+    if bound.startswith("-"):
+        assert code == 2
+        assert "--bound '-1e308 A' must be positive" in screen.err
+    else:
+        assert code == 1
+        assert "law: the run ends early" in screen.out
+
+
+def test_a_search_that_ends_at_its_limit_says_at_least(tmp_path, capsys: Screen) -> None:
+    """1 nA and a thousand times as much move the rotor by nothing."""
+    path = unruly(tmp_path, "0.0")
+    options = ("--on", "current", "--bound", "1e-9 A", "--pieces", "2", "--out", tmp_path)
+    assert run("study", "disturbance", path, *options, "--largest", "--requirement", "any") == 0
+    screen = capsys.readouterr().out.replace("\n", " ")
+    assert "all is kept up to 1e-06 A at least" in screen
+    assert "≥1e-06" in screen
+
+
+def test_both_ends_of_the_largest_bound_are_told(tmp_path, capsys: Screen) -> None:
+    command = ("study", "disturbance", linear(tmp_path), "--on", "u", "--bound", "1 A")
+    run(*command, "--pieces", "10", "--largest", "--out", tmp_path)
+    screen = capsys.readouterr().out.replace("\n", " ")
+    (found,) = json.loads((tmp_path / "disturbance_linear.json").read_text())["found"]
+    kept, failed = found["largest"]
+    assert kept < failed <= 1.05 * kept
+    assert f"all is kept up to {kept:.3g} and not at {failed:.3g} A" in screen
+
+
+@pytest.mark.parametrize(("bound", "size"), [("0.1", 0.1), ("+2e-1", 0.2)])
+def test_an_input_without_a_unit_has_a_bound_without_one(tmp_path, bound, size) -> None:
+    path = linear(tmp_path)
+    code = tmp_path / "third.py"
+    code.write_text(code.read_text().replace('"u": "A"', '"u": "1"'))
+    study = disturbance_study(str(path), "u", bound)
+    assert study.disturbance.bound == size
+
+
+def test_nothing_is_to_be_written_into_the_package(tmp_path, capsys: Screen) -> None:
+    command = ("study", "disturbance", "maglev/warm", "--on", "voltage", "--bound", "1 V")
+    assert run(*command, "--out", tmp_path) == 2
+    error = capsys.readouterr().err
+    assert_one_line(error)
+    assert "copy " in error
+    assert "give --out" not in error
+
+
 WRONG = {
     ("--on", "wheel", "--bound", "1 N m"): "unknown body, input or state 'wheel'",
     ("--on", "rotor", "--bound", "1 A"): "--bound '1 A': on a body it is a force or a torque",
     ("--on", "current", "--bound", "1 N m"): '--bound: "1 N m" cannot be converted to A',
+    ("--on", "rotor", "--bound", "-1 N m"): "--bound '-1 N m' must be positive",
     ("--on", "rotor", "--bound", "0 N m"): "--bound '0 N m' must be positive",
     ("--on", "rotor", "--bound", "1 N m", "--slew", "1 N m"): '--slew: "1 N m" cannot be converted',
     ("--on", "rotor", "--bound", "1 N m", "--axis", "w"): "unknown axis 'w'",
