@@ -254,8 +254,24 @@ def test_the_scaled_norm_of_a_diagonal_matrix_in_other_units_is_its_largest_entr
     assert scaled_norm(matrix) == pytest.approx(1.0, rel=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("system", "place", "nominal"),
+    [("servo", "current", "lqr"), ("cart_pendulum", "force", "fl-lqr")],
+)
+def test_the_implicit_law_takes_off_the_last_disturbance_in_the_loop_of_its_nominal_law(
+    system: str, place: str, nominal: str
+) -> None:
+    """u[k] = u0[k] - w[k-1], so w - w[k-1] is left in the nominal loop: S = (1 - 1/z) S0."""
+    signal = multisine(10, T)
+    with_it = measure(bench(system, "implicit"), Place(place), signal, 1e-3, realizations=1)
+    without = measure(bench(system, nominal), Place(place), signal, 1e-3, realizations=1)
+    z = np.exp(2j * np.pi * signal.frequencies * T)
+    expected = (1 - 1 / z) * without.at_place[0]
+    assert np.abs(with_it.at_place[0] / expected - 1).max() < PERCENT
+
+
 def test_the_implicit_law_answers_with_the_last_disturbance() -> None:
-    """S = 1 - 1/z: gain margin 2, phase margin 60 deg, one sample of delay, disk 2/3."""
+    """S is about 1 - 1/z: gain margin 2, phase margin 60 deg, one sample of delay, disk 2/3."""
     loop = bench("cart_pendulum", "implicit")
     margins = measure(loop, Place("force"), multisine(4, T), 0.02, realizations=2).margins
     assert close(margins.gain_up, 2.0)
