@@ -20,14 +20,14 @@ from grosmc_mj.plants import System
 from grosmc_mj.requirements.judging import Judgement, judge_runs
 from grosmc_mj.requirements.metrics import Metric, largest_of
 from grosmc_mj.requirements.optimum import Comparison, compare_with_optimum
-from grosmc_mj.requirements.requirement import Requirement
+from grosmc_mj.requirements.requirement import Requirement, missing_signals
 from grosmc_mj.requirements.run_metrics import measure
 from grosmc_mj.requirements.signals import ERROR
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 # Name of the plant that made a log.
 MEASURED = "measured"
-# Metrics of the error of all outputs; the input's are known of every log.
+# Metrics of the error of all outputs, and of the inputs.
 _OF_ERROR = ("settling_time", "overshoot", "rms_error")
 _OF_INPUT = ("total_variation", "max_input")
 # An instant counts as reached when it is this close, in parts of the sampling.
@@ -44,13 +44,15 @@ class MeasuredResult(RunResult):
         plant: ``measured``, with the name of the log where there are several.
         log: Path of the log.
         begin: Instant of the log at which the run begins, from its first sample on [s].
-        known: Names of the signals that it has, see ``requirements.signals``.
+        known: Names of the signals that it has for the whole run, see ``requirements.signals``.
+        notes: What may be wrong with it, in lines.
     """
 
     plant: str  # pyright: ignore[reportIncompatibleVariableOverride]
     log: Path
     begin: float
     known: frozenset[str]
+    notes: Sequence[str] = ()
 
     @property
     def simulated(self) -> bool:
@@ -77,15 +79,20 @@ class MeasuredResult(RunResult):
     def _limits(self) -> list[tuple[Requirement, str]]:
         """Requirements on the truest plant, each with the reason why no log decides it, if any."""
         limits = []
-        time = self.trajectory.time
-        period = float(time[1])
-        duration = float(time[-1])
         for limit in self.case.limits:
             if self.case.plant_names[-1] in limit.plants and self.controller.name in limit.laws:
-                reason = limit.why_not_measured(self.controller, self.known)
-                reason = reason or limit.why_too_few_samples(period, duration)
+                reason = self._why_not(limit)
                 limits.append((replace(limit, plants=(self.plant,)), reason))
         return limits
+
+    def _why_not(self, limit: Requirement) -> str:
+        """Return why the log cannot decide a requirement, or nothing."""
+        reason = limit.why_not_measured(self.controller, self.known)
+        inputs = [signal.name for signal in self.trajectory.system.inputs]
+        if not reason and limit.of_actuators:
+            reason = missing_signals(inputs, self.known)
+        time = self.trajectory.time
+        return reason or limit.why_too_few_samples(float(time[1]), float(time[-1]))
 
 
 def measured_results(experiment: Experiment) -> list[MeasuredResult]:
@@ -201,18 +208,20 @@ def run_of_log(
     with np.errstate(invalid="ignore"):
         comparison = compare_with_optimum(trajectory, controller)
         metrics = measure(trajectory, controller, comparison, experiment.onset)
-    known = _known_signals(log, controller, comparison)
+    inputs = {signal.name for signal in trajectory.system.inputs}
+    known = _known_signals(trajectory, controller, comparison)
     return MeasuredResult(
         case=experiment,
         plant=plant,
         controller=controller,
         trajectory=trajectory,
         comparison=comparison,
-        metrics=_known_metrics(metrics, known),
+        metrics=_known_metrics(metrics, known, inputs),
         true=experiment.plant(truest),
         log=path,
         begin=begin,
         known=known,
+        notes=[*log.notes, *partly_known(log.name, trajectory)],
     )
 
 
@@ -326,11 +335,40 @@ def _states_at(log: Log, system: System, instants: Array) -> Array:
 # -- what a log tells ----------------------------------------------------------------------------
 
 
-def _known_signals(log: Log, law: Controller, comparison: Comparison) -> frozenset[str]:
-    """Return the names of the signals that a log has."""
+def _signals_of(trajectory: Trajectory) -> dict[str, Array]:
+    """Return inputs and states of a run by name, (N,) each; NaN where a log does not show them."""
+    system = trajectory.system
+    inputs = trajectory.input.reshape(len(trajectory.input), -1)
+    signals = {}
+    for j, signal in enumerate(system.inputs):
+        signals[signal.name] = inputs[:, j]
+    for i, state in enumerate(system.states):
+        signals[state.name] = trajectory.state[:, i]
+    return signals
+
+
+def partly_known(log: str, trajectory: Trajectory) -> list[str]:
+    """Return a line on each signal of a run that its log shows for a part of the time."""
+    lines = []
+    for name, values in _signals_of(trajectory).items():
+        shown = trajectory.time[: len(values)][np.isfinite(values)]
+        if 0 < len(shown) < len(values):
+            lines.append(
+                f"{log} has {name} from {shown[0]:.4g} to {shown[-1]:.4g} s of the run only: no "
+                "message shows it at other times"
+            )
+    return lines
+
+
+def _known_signals(
+    trajectory: Trajectory, law: Controller, comparison: Comparison
+) -> frozenset[str]:
+    """Return the names of the signals that a log has for the whole run."""
     error = law.designed.error
-    known = {"t", *log.states}
-    known.update(signal.name for signal in error.system.inputs)
+    known = {"t"}
+    for name, values in _signals_of(trajectory).items():
+        if np.all(np.isfinite(values)):
+            known.add(name)
     for i, name in enumerate(error.names):
         if np.all(np.isfinite(comparison.z[:, i])):
             known |= {name, f"{name} error"}
@@ -339,9 +377,13 @@ def _known_signals(log: Log, law: Controller, comparison: Comparison) -> frozens
     return frozenset(known)
 
 
-def _known_metrics(metrics: dict[str, Metric], known: frozenset[str]) -> dict[str, Metric]:
+def _known_metrics(
+    metrics: dict[str, Metric], known: frozenset[str], inputs: set[str]
+) -> dict[str, Metric]:
     """Return the usual metrics; without a value where a log does not tell it."""
-    measured = {*_OF_INPUT, *map(largest_of, known)}
+    measured = set(map(largest_of, known))
+    if inputs <= known:
+        measured.update(_OF_INPUT)
     if ERROR in known:
         measured.update(_OF_ERROR)
     unknown = {

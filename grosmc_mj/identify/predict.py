@@ -13,7 +13,7 @@ import numpy as np
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.measured import MeasuredResult, run_of_log
+from grosmc_mj.experiments.measured import MeasuredResult, partly_known, run_of_log
 from grosmc_mj.identify.law_on_log import LawOnLog, law_on_log
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.replay import Predictor
@@ -127,8 +127,10 @@ def question_of(
     """
     measured = run_of_log(experiment, log, law, Path(log.name), start)
     _require_judged(measured)
+    for line in partly_known(log.name, measured.trajectory):
+        raise ArgumentError(f"{line}: a prediction needs it from the first to the last sample")
     log = _part(log, measured.begin, experiment.duration)
-    notes = [*log.notes, *measured.not_judged]
+    notes = [*measured.notes, *measured.not_judged]
     experiment = experiment.varied(loop=_instrumented(experiment, noise_log))
 
     asked = None

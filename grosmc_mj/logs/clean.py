@@ -111,6 +111,24 @@ def turn_notes(time: Array, outputs: Mapping[str, Array], states: Sequence[Signa
     return notes
 
 
+def unknown_notes(time: Array, shown: Mapping[str, NDArray[np.bool_]]) -> list[str]:
+    """A line for each signal that some samples do not show.
+
+    Args:
+        time: Instants of the samples [s], (N,).
+        shown: By signal, whether a sample shows it, (N,).
+    """
+    notes = []
+    for name, is_shown in shown.items():
+        unknown = time[~is_shown]
+        if len(unknown):
+            notes.append(
+                f"no message shows {name} at {len(unknown)} of {len(time)} samples, first at "
+                f"{unknown[0]:.4g} s: they are left out"
+            )
+    return notes
+
+
 def require_excited(inputs: Sequence[Signal], u: Array) -> None:
     """Refuse inputs, (N, m), that never change, or are at their end most of the time.
 

@@ -8,11 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from grosmc_mj.arguments import require_known
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError, value_text
 from grosmc_mj.logs.csv_file import line_of
+from grosmc_mj.logs.log import GAP
 from grosmc_mj.logs.numbers import are_instants, steps_from_first
 
 # Brackets around the unit at the end of a header.
@@ -32,10 +34,12 @@ class Column:
         values: NaN where the file has no number, (N,).
         name: Name of its signal.
         unit: Unit of its numbers; empty if the file has none.
-        stamps: Instants of messages [s], (N,); None for a column of a table.
+        stamps: Instants at which messages were recorded [s], (N,); None for a column of a table.
+        stamped: Instants in the messages, their ``header.stamp`` [s], (N,); None if they have none.
         written: The values as they stand in the file, before they are rounded to floats; None for
             messages.
         file: The CSV file; None for other files.
+        refused: Why it is not one signal; empty if it is.
     """
 
     header: str
@@ -43,8 +47,10 @@ class Column:
     name: str
     unit: str = ""
     stamps: Array | None = None
+    stamped: Array | None = None
     written: pa.ChunkedArray | None = None
     file: Path | None = None
+    refused: str = ""
 
     @classmethod
     def headed(
@@ -90,6 +96,30 @@ class Column:
             return self.values
         return np.interp(time, self.stamps, self.values)
 
+    def is_shown(self, time: Array, *, held: bool) -> NDArray[np.bool_]:
+        """Whether its messages show the signal at some instants, (N,).
+
+        Before the first message nobody knows it. A signal that is held stays after a message for as
+        long as the longest silence between two of them; one that is measured is unknown in a gap.
+
+        Args:
+            time: Instants [s], (N,).
+            held: Whether it is a signal that is held, such as an input.
+        """
+        if self.stamps is None:
+            return np.ones(len(time), bool)
+        steps = np.diff(self.stamps)
+        usual = float(np.median(steps)) if len(steps) else 0.0
+        longest = float(steps.max(initial=0.0)) if held else usual
+
+        is_inside = (time >= self.stamps[0] - usual) & (time <= self.stamps[-1] + longest)
+        if held or not len(steps):
+            return is_inside
+        before = (np.searchsorted(self.stamps, time, side="right") - 1).clip(0, len(steps) - 1)
+        is_in_gap = (steps[before] > GAP * usual) & (time > self.stamps[before])
+        is_in_gap &= time < self.stamps[before + 1]
+        return is_inside & ~is_in_gap
+
     def place(self, index: int) -> str:
         """Words for where a value stands, such as ``line 102``."""
         if self.file is not None:
@@ -99,7 +129,9 @@ class Column:
         return f"row {index + 1}"
 
     def require_numbers(self) -> None:
-        """Refuse a value that is no number, or one that no machine has."""
+        """Refuse what is not one signal, a value that is no number, or one that no machine has."""
+        if self.refused:
+            raise ArgumentError(f"{self.header}: {self.refused}")
         # False for NaN too.
         is_number = np.abs(self.values) <= _LARGEST
         if np.all(is_number):

@@ -16,7 +16,7 @@ import pyarrow.compute
 import pyarrow.csv
 
 from grosmc_mj.errors import ArgumentError, value_text
-from grosmc_mj.logs.limits import LARGEST_LOG, too_large
+from grosmc_mj.logs.limits import LARGEST_LOG, require_few_columns, too_large
 from grosmc_mj.logs.numbers import NUMBER
 
 # Its functions are made at import: a type checker does not see them.
@@ -26,6 +26,8 @@ _BEGINNING = 1 << 20
 # Letters of a line without content.
 _EMPTY = " \t,;"
 _COMMENT = "#"
+# Mark of the order of bytes, which some programs write in UTF-8 too.
+_MARK = "\ufeff"
 # A line of spreadsheets that names the letter between the columns.
 _SEPARATOR_LINE = re.compile(r"sep=(.)")
 _WITH_POINT = r"^[+-]?(\d+\.\d*|\.\d+)([eE][+-]?\d+)?$"
@@ -99,7 +101,7 @@ def line_of(path: Path, row: int) -> int:
     """Return the line of a CSV file, from 1, that a row of its table, from 0, stands in."""
     content = _content(path)
     layout = _layout(content)
-    lines = io.TextIOWrapper(io.BytesIO(content), encoding=layout.encoding)
+    lines = io.TextIOWrapper(io.BytesIO(content), encoding=layout.encoding, errors="replace")
     for number, line in enumerate(lines, start=1):
         if number <= layout.skipped or _is_left_out(line):
             continue
@@ -131,7 +133,9 @@ def _layout(content: bytearray) -> _Layout:
     Raises:
         ArgumentError: If it has no header or no rows.
     """
-    encoding, text = _decoded(content[:_BEGINNING])
+    encoding = _encoding(content)
+    # The beginning may end within a letter.
+    text = content[:_BEGINNING].decode(encoding, errors="ignore").removeprefix(_MARK)
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     filled = [k for k, line in enumerate(lines) if line.strip(_EMPTY)]
     rows = [k for k in filled if not lines[k].startswith(_COMMENT)]
@@ -158,6 +162,7 @@ def _layout(content: bytearray) -> _Layout:
     separator = next((s for s in separators if s in header and s in first), ",")
     headers = _fields(header.rstrip(_EMPTY), separator)
     fields = _fields(first, separator)
+    require_few_columns(len(headers))
     if len(headers) < 2:
         raise ArgumentError(
             "has no header of two columns or more: begin it with their names, such as "
@@ -168,23 +173,27 @@ def _layout(content: bytearray) -> _Layout:
     return _Layout(encoding, separator, headers, len(fields), rows[0])
 
 
-def _decoded(content: bytearray) -> tuple[str, str]:
-    """Encoding and text of the beginning of a file.
+def _encoding(content: bytearray) -> str:
+    """Encoding of a file.
 
     Raises:
         ArgumentError: If it is no text.
     """
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return "utf-16", content.decode("utf-16", errors="ignore")
+        return "utf-16"
     if b"\0" in content:
         raise ArgumentError("is no text: export the log as CSV")
+
+    # All of it: a single letter of another encoding may stand in its last line.
+    decoder = codecs.getincrementaldecoder("utf-8")()
     try:
-        # The beginning may end within a letter.
-        text = codecs.getincrementaldecoder("utf-8-sig")().decode(content)
+        for begin in range(0, len(content), _BEGINNING):
+            decoder.decode(content[begin : begin + _BEGINNING])
+        decoder.decode(b"", final=True)
     except UnicodeDecodeError:
         # The degree sign and the micro sign of western Europe.
-        return "latin-1", content.decode("latin-1")
-    return "utf-8", text
+        return "latin-1"
+    return "utf-8"
 
 
 def _fields(line: str, separator: str) -> list[str]:

@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
 
-from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError, one_line
+from grosmc_mj.errors import ArgumentError, GrosmcError, one_line
 from grosmc_mj.files import LARGEST_TABLE, require_regular
 from grosmc_mj.logs.columns import Column
 from grosmc_mj.logs.csv_file import csv_table
-from grosmc_mj.logs.numbers import numbers_of
+from grosmc_mj.logs.limits import LARGEST_LOG, require_few_columns, too_large
+from grosmc_mj.logs.matlab_file import matlab_columns
+from grosmc_mj.logs.mcap_file import mcap_columns
+from grosmc_mj.logs.numbers import as_text, is_text, numbers_of
 
 # A log of fewer samples tells nothing.
 _FEWEST = 50
 # Letters of an error of a library that a message quotes.
 _QUOTED = 160
+# Rows of a Parquet file that are read at a time: a long text that repeats is short in the file.
+_ROWS = 4096
+_BYTES_OF_A_NUMBER = 8
 
 
 def columns_of(path: Path) -> dict[str, Column]:
@@ -33,9 +35,7 @@ def columns_of(path: Path) -> dict[str, Column]:
     """
     *first, last = _READERS
     allowed = f"name a file that ends in {', '.join(first)} or {last}"
-    if not path.is_file():
-        raise ArgumentError(f"there is no such file: {allowed}")
-    require_regular(path, LARGEST_TABLE)
+    _require_there(path, allowed)
     endings = [ending for ending in _READERS if path.name.lower().endswith(ending)]
     if not endings:
         raise ArgumentError(f"is no log: {allowed}")
@@ -58,21 +58,69 @@ def columns_of(path: Path) -> dict[str, Column]:
     return columns
 
 
+def _require_there(path: Path, allowed: str) -> None:
+    """Refuse a path that is no regular file.
+
+    Raises:
+        ArgumentError: With the reason.
+    """
+    try:
+        path.stat()
+    except FileNotFoundError:
+        raise ArgumentError(f"there is no such file: {allowed}") from None
+    # A link to itself, a folder that may not be entered, a name that is too long.
+    except OSError as error:
+        raise ArgumentError(f"cannot be read: {error.strerror}: {allowed}") from None
+    if not path.is_file():
+        raise ArgumentError(f"is a folder, a pipe, a socket or a device: {allowed}")
+    require_regular(path, LARGEST_TABLE)
+
+
 def _csv(path: Path) -> dict[str, Column]:
     """The columns of a CSV file."""
     return _number_columns(csv_table(path), path)
 
 
 def _parquet(path: Path) -> dict[str, Column]:
-    """The columns of a Parquet file."""
-    return _number_columns(pq.ParquetFile(path).read())
+    """The columns of a Parquet file.
+
+    Raises:
+        ArgumentError: If it holds too much: a value that repeats takes no room in the file.
+    """
+    file = pq.ParquetFile(path)
+    metadata = file.metadata
+    require_few_columns(metadata.num_columns)
+    size = metadata.num_rows * metadata.num_columns * _BYTES_OF_A_NUMBER
+    if size > LARGEST_LOG:
+        raise too_large(size)
+
+    names = [item.name for item in file.schema_arrow if _may_have_numbers(item.type)]
+    batches = []
+    size = 0
+    for batch in file.iter_batches(_ROWS, columns=names):
+        size += batch.nbytes
+        if size > LARGEST_LOG:
+            raise too_large(None)
+        batches.append(batch)
+    if not batches:
+        return {}
+    return _number_columns(pa.Table.from_batches(batches).combine_chunks())
+
+
+def _may_have_numbers(kind: pa.DataType) -> bool:
+    """Whether a column of a kind may have numbers or instants: not truth values, not lists."""
+    types = pa.types
+    is_number = types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind)
+    is_instant = types.is_timestamp(kind) or types.is_duration(kind)
+    return is_number or is_instant or is_text(kind)
 
 
 def _number_columns(table: pa.Table, file: Path | None = None) -> dict[str, Column]:
     """The columns of a table that have numbers; the file is that of a CSV table."""
     columns: dict[str, Column] = {}
-    for header, column in zip(table.column_names, table.columns, strict=True):
+    for header, written in zip(table.column_names, table.columns, strict=True):
         name = header.strip()
+        column = as_text(written)
         values = numbers_of(column)
         if values is None or not name:
             continue
@@ -82,97 +130,10 @@ def _number_columns(table: pa.Table, file: Path | None = None) -> dict[str, Colu
     return columns
 
 
-def _mcap(path: Path) -> dict[str, Column]:
-    """The numbers of an MCAP file's messages, JSON or ROS 2, such as ``/joint_states.position[0]``.
-
-    Their instants are those at which they were logged.
-    """
-    try:
-        from mcap.reader import make_reader
-        from mcap_ros2.decoder import DecoderFactory
-    except ImportError:
-        raise SetupError("MCAP needs a library: pip install 'grosmc_mj[identify]'") from None
-    rows: dict[str, list[tuple[int, float]]] = {}
-    ros = DecoderFactory()
-    with path.open("rb") as file:
-        for schema, channel, message in make_reader(file).iter_messages():
-            decode = ros.decoder_for(channel.message_encoding, schema)
-            if channel.message_encoding == "json":
-                content: Any = json.loads(message.data)
-            elif decode is not None:
-                content = decode(message.data)
-            else:
-                continue
-            for name, value in _numbers(channel.topic, content):
-                rows.setdefault(name, []).append((message.log_time, value))
-
-    # Nanoseconds since 1970 do not fit into a float.
-    begin = min((pairs[0][0] for pairs in rows.values()), default=0)
-    columns = {}
-    for name, pairs in rows.items():
-        values = np.array([value for _, value in pairs])
-        stamps = np.array([(stamp - begin) / 1e9 for stamp, _ in pairs])
-        columns[name] = Column(name, values, name, stamps=stamps)
-    return columns
-
-
-def _numbers(name: str, content: Any) -> Iterator[tuple[str, float]]:
-    """The numbers of a message, with the paths to them."""
-    if isinstance(content, bool | int | float):
-        yield name, float(content)
-    elif isinstance(content, Mapping):
-        for key, part in content.items():
-            yield from _numbers(f"{name}.{key}", part)
-    elif isinstance(content, Sequence) and not isinstance(content, str | bytes):
-        for index, part in enumerate(content):
-            yield from _numbers(f"{name}[{index}]", part)
-    else:
-        for key in getattr(content, "__slots__", ()):
-            yield from _numbers(f"{name}.{key}", getattr(content, key))
-
-
-def _matlab(path: Path) -> dict[str, Column]:
-    """The vectors of a MATLAB file, and those in its structures, such as ``out.signals.values``."""
-    # Imported where it is needed: few logs are MATLAB's.
-    from scipy.io import loadmat
-
-    try:
-        content = loadmat(path, struct_as_record=False, squeeze_me=True)
-    except NotImplementedError:
-        raise ArgumentError("is of MATLAB 7.3: save it with save(..., '-v7')") from None
-    columns = {}
-    for key, value in content.items():
-        if not key.startswith("__"):
-            for name, values in _vectors(key, value):
-                # pyarrow has no numbers of the other order of bytes.
-                native = values.astype(values.dtype.newbyteorder("="))
-                written = pa.chunked_array([pa.array(native)])
-                short = name.rpartition(".")[2]
-                columns[name] = Column(name, values.astype(float), short, written=written)
-    return columns
-
-
-def _vectors(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
-    """The vectors of a MATLAB value, with the paths to them; columns of a matrix count from 1."""
-    for key in getattr(value, "_fieldnames", ()):
-        yield from _vectors(f"{name}.{key}", getattr(value, key))
-    if not isinstance(value, np.ndarray):
-        return
-
-    if value.dtype == object:
-        for index, part in enumerate(value.ravel(), start=1):
-            yield from _vectors(f"{name}({index})", part)
-    elif value.dtype.kind in "biuf" and value.ndim == 1:
-        yield name, value
-    elif value.dtype.kind in "biuf" and value.ndim == 2:
-        for index, column in enumerate(value.T, start=1):
-            yield f"{name}({index})", column
-
-
 _READERS: dict[str, Callable[[Path], dict[str, Column]]] = {
     ".csv": _csv,
     ".csv.gz": _csv,
     ".parquet": _parquet,
-    ".mcap": _mcap,
-    ".mat": _matlab,
+    ".mcap": mcap_columns,
+    ".mat": matlab_columns,
 }

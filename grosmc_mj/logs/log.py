@@ -34,8 +34,8 @@ class Log:
     Attributes:
         name: Of its file.
         time: Instants of the samples [s], rising from 0, (N,).
-        inputs: Held from their instants on, in the plant's units, (N, m).
-        states: The measured states by name, in the plant's units, (N,) each.
+        inputs: Held from their instants on, in the plant's units, (N, m); NaN where unknown.
+        states: The measured states by name, in the plant's units, (N,) each; NaN where unknown.
         pieces: The samples that are used, from gap to gap.
         notes: What may be wrong with it, in lines.
     """

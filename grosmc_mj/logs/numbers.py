@@ -17,7 +17,22 @@ pc: Any = pyarrow.compute
 NUMBER = r"^[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?$"
 # Digits of differences: more than any file has. Damaged numbers raise nothing, and become NaN.
 _EXACT = Context(prec=60, traps=[])
+# Rows that are exact numbers at a time: they take much more memory than floats.
+_ROWS = 1 << 16
 _TICKS_PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+
+
+def is_text(kind: pa.DataType) -> bool:
+    """Whether a column of a kind has texts; other programs have more than one kind of them."""
+    types = pa.types
+    if types.is_dictionary(kind):
+        kind = kind.value_type
+    return types.is_string(kind) or types.is_large_string(kind)
+
+
+def as_text(column: pa.ChunkedArray) -> pa.ChunkedArray:
+    """Return a column of any kind of text as one of strings, and any other column as it is."""
+    return column.cast(pa.string()) if is_text(column.type) else column
 
 
 def numbers_of(column: pa.ChunkedArray) -> Array | None:
@@ -69,9 +84,13 @@ def steps_from_first(column: pa.ChunkedArray, factor: float) -> Array | None:
         return None
 
     with localcontext(_EXACT):
-        numbers = [Decimal(value) for value in column.to_pylist()]
+        first = Decimal(column[0].as_py())
         scale = Decimal(repr(factor))
-        return np.array([float((number - numbers[0]) * scale) for number in numbers])
+        steps = np.empty(len(column))
+        for begin in range(0, len(column), _ROWS):
+            values = column.slice(begin, _ROWS).to_pylist()
+            steps[begin : begin + _ROWS] = [float((Decimal(v) - first) * scale) for v in values]
+        return steps
 
 
 def _instants(texts: pa.ChunkedArray) -> pa.ChunkedArray:

@@ -17,6 +17,7 @@ from grosmc_mj.logs.clean import (
     pieces_of,
     require_excited,
     turn_notes,
+    unknown_notes,
     unwrapped,
     used_samples,
 )
@@ -56,14 +57,16 @@ def read_log(
         system: The inputs and states.
         table: ``[log]`` of the case file; None if it has none.
         gears: Of each input whose actuator has one, the input for a command of 1.
-        to_learn: Whether its inputs must move enough to learn from them.
+        to_learn: Whether its inputs must move enough to learn from them, and signals be known at
+            all samples that are used; otherwise they are NaN where no message shows them.
 
     Raises:
         ArgumentError: If it cannot be read, or nothing can be learned from it.
     """
     try:
         columns = columns_of(path)
-        log, used = _log_of(path.name, columns, system, table or LogTable(), gears or {})
+        table = table or LogTable()
+        log, used = _log_of(path.name, columns, system, table, gears or {}, to_learn=to_learn)
         if to_learn:
             require_excited(system.inputs, log.inputs[used])
         return log
@@ -77,13 +80,19 @@ def _log_of(
     system: System,
     table: LogTable,
     gears: Mapping[str, float],
+    *,
+    to_learn: bool,
 ) -> tuple[Log, NDArray[np.bool_]]:
-    """The log that columns of numbers are, and which of its samples are used."""
+    """The log that columns of numbers are, and which of its samples are used.
+
+    Where messages do not show a signal, the log is left out to learn from it, or else has NaN.
+    """
     signals = [signal.name for signal in (*system.inputs, *system.states)]
     for named in table.columns:
         require_known("signal", named, signals, "[log.columns]: ")
     inputs = _inputs(columns, system, table, gears)
     measured = _measured(columns, system, table)
+    notes = _take_clock(name, inputs, measured)
 
     # Messages of several topics are brought to the instants of the first measured state.
     first = next(iter(measured.values()))
@@ -91,25 +100,56 @@ def _log_of(
     if time is None:
         time = _time(columns, table, len(first.values))
     _require_rising(first, time)
+    for column in (*inputs.values(), *measured.values()):
+        _require_in_order(column)
     _require_as_long([*inputs.values(), *measured.values()], time)
 
     used = used_samples(time - time[0], table)
+    shown = {}
     held = []
     for signal, column in inputs.items():
         delay = _delay(table, signal)
         held.append(_held_later(column, time, delay))
+        shown[signal] = column.is_shown(time + delay, held=True)
         used = used & _is_inside(time, delay)
     outputs = {}
     for state, column in measured.items():
         delay = _delay(table, state)
         values = column.between(time)
         outputs[state] = np.interp(time + delay, time, values) if delay else values
+        shown[state] = column.is_shown(time + delay, held=False)
         used = used & _is_inside(time, delay)
+    notes += turn_notes(time - time[0], outputs, system.states)
 
-    pieces = pieces_of(time, used)
     u = np.column_stack(held)
-    notes = turn_notes(time - time[0], outputs, system.states)
+    if to_learn:
+        notes += unknown_notes(time - time[0], shown)
+        used = used & np.all(list(shown.values()), axis=0)
+    else:
+        for j, signal in enumerate(inputs):
+            u[~shown[signal], j] = np.nan
+        for state, values in outputs.items():
+            outputs[state] = np.where(shown[state], values, np.nan)
+    pieces = pieces_of(time, used)
     return Log(name, time - time[0], u, outputs, pieces, notes), used
+
+
+def _take_clock(name: str, inputs: dict[str, Column], measured: dict[str, Column]) -> list[str]:
+    """Bring messages to one clock, and say which: the machine's if all of them have its stamps."""
+    columns = [*inputs.values(), *measured.values()]
+    if columns[0].stamps is None:
+        return []
+
+    without = [column.header for column in columns if column.stamped is None]
+    if not without:
+        for signals in (inputs, measured):
+            for signal, column in signals.items():
+                signals[signal] = replace(column, stamps=column.stamped)
+        return [f"{name}: the time is header.stamp of its messages"]
+    reason = ""
+    if len(without) < len(columns):
+        reason = f", since {without[0]} has no header.stamp"
+    return [f"{name}: the time is when its messages were recorded{reason}"]
 
 
 def _inputs(
@@ -247,6 +287,13 @@ def _require_rising(column: Column, time: Array) -> None:
     if not np.all(rises):
         place = column.place(int(np.argmin(rises)) + 1)
         raise ArgumentError(f"the time does not rise in {place}: sort or cut the log there")
+
+
+def _require_in_order(column: Column) -> None:
+    """Refuse messages whose stamps go back: what is held or between two of them is not clear."""
+    if column.stamps is not None and np.any(np.diff(column.stamps) < 0):
+        place = column.place(int(np.argmin(np.diff(column.stamps) >= 0)) + 1)
+        raise ArgumentError(f"{column.header}: the time goes back in {place}: sort or cut the log")
 
 
 def _require_as_long(columns: Sequence[Column], time: Array) -> None:

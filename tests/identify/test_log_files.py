@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import gzip
+import json
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -12,10 +14,13 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from commands import assert_one_line, run
+from mcap.writer import Writer as McapWriter
 from scipy.io import savemat
 
+from grosmc_mj.cli.exit_codes import WRONG
 from grosmc_mj.errors import ArgumentError, GrosmcError, ModelError
-from grosmc_mj.logs import csv_file
+from grosmc_mj.logs import csv_file, files, matlab_file, mcap_file
 from grosmc_mj.logs.columns import name_and_unit
 from grosmc_mj.logs.log import Log, name_of_log
 from grosmc_mj.logs.read import read_log
@@ -186,3 +191,167 @@ def test_a_long_model_is_read_in_a_time_in_proportion(tmp_path: Path) -> None:
     with pytest.raises(ModelError):
         Robot.from_mjcf(path)
     assert time.process_time() - begin < 2.0
+
+
+# -- damaged and too large -------------------------------------------------------------------------
+
+
+def write_matlab(path: Path) -> Path:
+    """Write the log of the servo as MATLAB does."""
+    savemat(path, {"t": TIME, "current": CURRENT, "rotor_angle": ANGLE})
+    return path
+
+
+def test_a_matlab_file_that_ends_its_reader_is_one_line(tmp_path: Path) -> None:
+    """One byte makes of the full matrix a sparse one, whose indices are taken from its numbers."""
+    path = write_matlab(tmp_path / "log.mat")
+    content = bytearray(path.read_bytes())
+    full, sparse = 6, 5
+    # After the header, the tag of the matrix and the tag of its flags.
+    place = 128 + 8 + 8
+    assert content[place] == full
+    content[place] = sparse
+    path.write_bytes(content)
+    with pytest.raises(ArgumentError, match=r"log\.mat: is damaged: the process that read it died"):
+        read_log(path, SERVO, None)
+
+
+def test_a_matlab_file_is_read_within_a_bound_of_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(matlab_file, "_MEMORY", 256 << 20)
+    path = tmp_path / "log.mat"
+    savemat(path, {"t": np.zeros(50_000_000)}, do_compression=True)
+    assert path.stat().st_size < 1 << 20
+    with pytest.raises(ArgumentError, match=r"log\.mat: holds more than the 1024 MB"):
+        read_log(path, SERVO, None)
+
+
+def test_values_that_repeat_in_a_parquet_file_are_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A megabyte of equal numbers is a few bytes in the file."""
+    monkeypatch.setattr(files, "LARGEST_LOG", 1 << 20)
+    path = tmp_path / "log.parquet"
+    zeros = np.zeros(100_000)
+    pq.write_table(pa.table({"time": zeros, "current": zeros, "rotor angle": zeros}), path)
+    assert path.stat().st_size < 10_000
+    with pytest.raises(ArgumentError, match=r"log\.parquet: holds 2 MB, more than the 1024 MB"):
+        read_log(path, SERVO, None)
+
+
+def test_texts_that_repeat_in_a_parquet_file_are_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(files, "LARGEST_LOG", 1 << 20)
+    path = tmp_path / "log.parquet"
+    notes = ["x" * 1000] * 5000
+    pq.write_table(pa.table({"time": np.arange(5000), "note": notes}), path)
+    assert path.stat().st_size < 100_000
+    with pytest.raises(ArgumentError, match=r"log\.parquet: holds more than the 1024 MB"):
+        read_log(path, SERVO, None)
+
+
+def test_a_chunk_of_a_bag_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mcap_file, "LARGEST_LOG", 1 << 20)
+    path = tmp_path / "log.mcap"
+    with path.open("wb") as file:
+        writer = McapWriter(file, chunk_size=8 << 20)
+        writer.start()
+        channel = writer.register_channel("/note", "json", 0)
+        writer.add_message(channel, 0, b'"' + b" " * (4 << 20) + b'"', 0)
+        writer.finish()
+    assert path.stat().st_size < 100_000
+    with pytest.raises(ArgumentError, match=r"log\.mcap: holds 4 MB, more than the 1024 MB"):
+        read_log(path, SERVO, None)
+
+
+def test_long_arrays_of_messages_are_no_signals(tmp_path: Path) -> None:
+    """A map of the room beside the joints."""
+    path = tmp_path / "log.mcap"
+    with path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start()
+        channels = [writer.register_channel(topic, "json", 0) for topic in ("/servo", "/map")]
+        cells = json.dumps({"cells": [0] * 5000}).encode()
+        for k in range(100):
+            content = json.dumps({"u": CURRENT[k], "q": ANGLE[k]}).encode()
+            writer.add_message(channels[0], k * 1000, content, 0)
+            writer.add_message(channels[1], k * 1000, cells, 0)
+        writer.finish()
+    assert set(files.columns_of(path)) == {"/servo.u", "/servo.q"}
+
+
+def test_a_table_of_too_many_columns_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    names = [f"c{k}" for k in range(20_000)]
+    row = ",".join(["1"] * len(names))
+    path.write_text("\n".join([",".join(names), *[row] * 60]))
+    begin = time.process_time()
+    with pytest.raises(ArgumentError, match=r"has 20000 columns or more, and 10000 are read"):
+        read_log(path, SERVO, None)
+    assert time.process_time() - begin < 2.0
+
+
+def test_a_letter_of_another_encoding_in_the_last_line_is_read(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    plain = tmp_path / "plain.csv"
+    plain.write_text(csv_text())
+    path = tmp_path / "log.csv"
+    comments = b"# the bench in room 4\n" * 100_000
+    path.write_bytes(csv_text().encode() + b"\n" + comments + b"# 21 \xb0C\n")
+    assert_equal(read_log(path, SERVO, None), read_log(plain, SERVO, None))
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("kind", [pa.large_string(), pa.dictionary(pa.int32(), pa.string())])
+def test_other_kinds_of_text_in_a_parquet_file_are_read(tmp_path: Path, kind: pa.DataType) -> None:
+    plain = tmp_path / "plain.csv"
+    plain.write_text(csv_text())
+    texts = pa.array([f"{t:.3f}" for t in TIME]).cast(kind)
+    path = tmp_path / "log.parquet"
+    pq.write_table(pa.table({"time": texts, "current": CURRENT, "rotor angle": ANGLE}), path)
+    assert_equal(read_log(path, SERVO, None), read_log(plain, SERVO, None))
+
+
+# -- paths that are no logs ------------------------------------------------------------------------
+
+
+def no_file(path: Path) -> None:
+    """Leave a path without a file."""
+
+
+def loop_of_links(path: Path) -> None:
+    path.symlink_to(path)
+
+
+NO_LOGS: dict[str, tuple[Callable[[Path], object], str]] = {
+    "nothing": (no_file, "there is no such file"),
+    "folder": (Path.mkdir, "is a folder, a pipe, a socket or a device"),
+    "pipe": (os.mkfifo, "is a folder, a pipe, a socket or a device"),
+    "loop of links": (loop_of_links, "cannot be read: Too many levels of symbolic links"),
+}
+
+
+@pytest.mark.parametrize(("make", "words"), NO_LOGS.values(), ids=NO_LOGS)
+@pytest.mark.parametrize("command", ["run", "identify"])
+def test_a_path_that_is_no_log_is_one_line(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    make: Callable[[Path], object],
+    words: str,
+    command: str,
+) -> None:
+    path = tmp_path / "log.csv"
+    make(path)
+    monkeypatch.chdir(tmp_path)
+    arguments = ["log.csv", "servo/case1"]
+    if command == "run":
+        arguments = ["servo/case1", "--log", "log.csv", "--laws", "lqr"]
+    assert run(command, *arguments) == WRONG
+    line = capfd.readouterr().err
+    assert_one_line(line)
+    assert words in line
+    assert line.strip().endswith("name a file that ends in .csv, .csv.gz, .parquet, .mcap or .mat")

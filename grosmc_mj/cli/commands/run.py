@@ -156,7 +156,7 @@ class RunCommand(Command):
         if not self.log:
             return measured_results(experiment)
 
-        tables = [MeasuredTable(log=str(path.resolve())) for path in self.log]
+        tables = [MeasuredTable(log=str(path.absolute())) for path in self.log]
         measured = results_of_logs(experiment, tables)
         for result in measured:
             if experiment.limits and not result.requirements:

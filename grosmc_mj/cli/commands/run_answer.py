@@ -46,7 +46,7 @@ def answer_of_run(
         notes.append(f"judged by the worst of {draws} draws of noise, timing and encoders' phases")
     for result in measured:
         judgements += result.requirements
-        notes += result.not_judged
+        notes += [*result.notes, *result.not_judged]
     notes += disagreements(experiment, judgements)
 
     remarks = [*_premise_lines(premises), *_log_lines(measured)]

@@ -67,6 +67,8 @@ def find_file(name: str) -> Path:
         return path
     if path.is_dir():
         raise ArgumentError(f"{name} is a folder, must be a case file")
+    if path.is_symlink():
+        raise ArgumentError(f"{name} is a link that leads to no file: name the file itself")
     if path.suffix == ".toml":
         raise ArgumentError(f"{name}: there is no such file; grosmc-mj new {path.stem} writes one")
     systems = [case.split("/")[0] for case in shipped]
