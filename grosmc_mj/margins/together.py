@@ -4,23 +4,36 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize
 
 from grosmc_mj.arrays import Array
 
+# Points from the frequency below the worst one to that above it.
+_POINTS = 21
 # Largest exponent of a scaling: beyond it a matrix counts as triangular.
 _LARGEST = 15.0
 
 
-def disk_together(sensitivity: ArrayLike) -> float:
+def disk_together(frequency: ArrayLike, sensitivity: ArrayLike) -> float:
     """Return 1/max mu(S - I/2): each input may change within a disk of this size at once.
 
+    About the worst frequency I + L = S^-1, which is smoother than S, is a cubic spline over ln f.
+
     Args:
-        sensitivity: S at each frequency, (count, m, m).
+        frequency: Frequencies, ascending [Hz], (count,).
+        sensitivity: S there, (count, m, m).
     """
     S = np.asarray(sensitivity)
     half = 0.5 * np.eye(S.shape[1])
-    return 1 / max(scaled_norm(matrix - half) for matrix in S)
+    norms = [scaled_norm(matrix - half) for matrix in S]
+    worst = int(np.argmax(norms))
+
+    x = np.log(frequency)
+    about = np.linspace(x[max(worst - 1, 0)], x[min(worst + 1, len(x) - 1)], _POINTS)
+    return_difference = CubicSpline(x, np.linalg.pinv(S))(about)
+    norms += [scaled_norm(matrix - half) for matrix in np.linalg.pinv(return_difference)]
+    return 1 / max(norms)
 
 
 def scaled_norm(matrix: NDArray[np.complex128]) -> float:

@@ -175,4 +175,4 @@ def together(levels: Sequence[Level]) -> float | None:
     for level in levels:
         shared = [frequency in common for frequency in level.frequency]
         columns.append(level.column[shared])
-    return disk_together(np.stack(columns, axis=2))
+    return disk_together(sorted(common), np.stack(columns, axis=2))

@@ -239,7 +239,22 @@ def test_one_loop_of_the_satellite_has_a_disk_margin_of_2_and_both_have_a_tenth(
     assert close(single[0].margins.disk, 2.0)
     assert close(single[1].margins.disk, 2.0)
     matrix = np.stack([sensitivity.column for sensitivity in single], axis=2)
-    assert close(disk_together(matrix), 0.0997)
+    assert close(disk_together(signal.frequencies, matrix), 0.0997)
+
+
+@pytest.mark.parametrize("per_decade", [10, 14])
+def test_inputs_that_do_not_meet_have_together_the_disk_of_one_between_the_lines(
+    per_decade: int,
+) -> None:
+    plant = control.tf([37.5], [1, 10, 10, 10])
+    dense = np.geomspace(1e-3, 400, 30_000)
+    exact = margins_of(dense, 1 / (1 + plant(2j * np.pi * dense))).disk
+    lines = multisine(40, T, per_decade).frequencies
+    S = 1 / (1 + plant(2j * np.pi * lines))
+    both = S[:, None, None] * np.eye(2)
+    assert disk_together(lines, both) == pytest.approx(exact, rel=0.01)
+    at_lines = 1 / np.max(np.abs(S - 0.5))
+    assert at_lines > 1.01 * exact
 
 
 @pytest.mark.parametrize("size", [1, 2, 3])
