@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from grosmc_mj.assumptions.growth import growth
 from grosmc_mj.assumptions.loads import idle_loads
 from grosmc_mj.assumptions.matching import unmatched
 from grosmc_mj.errors import name_list
@@ -32,6 +33,7 @@ def notes_on(experiment: Experiment, results: Sequence[RunResult]) -> list[str]:
     notes = list(experiment.not_judged)
     notes += idle_loads(on_truest)
     notes += _unmeasured(experiment)
+    notes += growth(experiment, [result.controller for result in on_truest])
     notes += unmatched(experiment, on_truest)
     notes += unfailing(experiment.limits, results)
     notes += _names_left_out(experiment, on_truest)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from grosmc_mj.arguments import reals
 from grosmc_mj.arrays import Array
+from grosmc_mj.control.modes import unreached_modes
 from grosmc_mj.errors import ArgumentError, GainError, value_text
 
 
@@ -92,6 +94,7 @@ def lqr(
     B: ArrayLike,
     Q: ArrayLike,
     R: ArrayLike,
+    names: Sequence[str] = (),
 ) -> LqrDesign:
     """Design the optimal law (5) for the index (4) from the Riccati equation (6).
 
@@ -100,6 +103,7 @@ def lqr(
         B: Input matrix, (n, m).
         Q: Positive semidefinite weight of the state, (n, n).
         R: Positive definite weight of the input, (m, m) or a number.
+        names: Names of the states for messages; their numbers by default.
 
     Raises:
         GainError: If shapes do not fit, Q or R is not definite as needed, or (A, B) is not
@@ -109,14 +113,15 @@ def lqr(
     try:
         P = scipy.linalg.solve_continuous_are(A, B, Q, R)
     except (np.linalg.LinAlgError, ValueError) as error:
-        raise GainError(_unsolvable(A, B, Q, error)) from error
+        raise GainError(_unsolvable(A, B, Q, error, names)) from error
 
     K = np.linalg.solve(R, B.T @ P)
     design = LqrDesign(A, B, Q, R, K, P)
     # Q does not weigh the mode of a pole on the axis; rounding puts the pole within this of zero.
     rounding = 1e-9 * max(1.0, float(np.abs(A).max()))
     if design.poles.real.max() > -rounding:
-        raise GainError(_unsolvable(A, B, Q, f"closed-loop poles {design.poles.tolist()}"))
+        reason = f"closed-loop poles {design.poles.tolist()}"
+        raise GainError(_unsolvable(A, B, Q, reason, names))
     return design
 
 
@@ -204,8 +209,13 @@ def _unsolvable(
     B: Array,
     Q: Array,
     reason: object,
+    names: Sequence[str],
 ) -> str:
     """Message about a plant and weights without a stabilizing optimum, in one line."""
+    unreached = unreached_modes(A, B, 0.0)
+    if unreached:
+        names = names or [f"x{index}" for index in range(1, len(A) + 1)]
+        return f"LQR: {unreached[0].unreached(names)}: no feedback holds it"
     return (
         f"LQR: no stabilizing solution of the Riccati equation for A = {A.tolist()}, "
         f"B = {B.tolist()}, Q = {Q.tolist()}: (A, B) must be stabilizable and (A, Q) detectable "

@@ -182,13 +182,13 @@ class Task:
         """
         if linearizing:
             chains = self.outputs.linearization
-            return lqr(chains.A, chains.B, self.Q, self.R)
+            return lqr(chains.A, chains.B, self.Q, self.R, self.error.names)
 
         model = self.model
         if not model:
             model = self.error.linear_model(self.plant, self._numbers_without_gain())
         A, B = model
-        return lqr(A, B, self.Q, self.R)
+        return lqr(A, B, self.Q, self.R, self.error.names)
 
     def feedback(self, K: Array) -> FeedbackParameters:
         """Numbers of a law with this gain, (m, n)."""

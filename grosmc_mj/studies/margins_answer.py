@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import astuple
 
+from grosmc_mj.assumptions.growth import growth
 from grosmc_mj.margins.changes import DELAY, GAIN_DOWN, GAIN_UP
 from grosmc_mj.margins.chatter import Chatter
 from grosmc_mj.margins.task import TaskMargin
@@ -296,7 +297,9 @@ def margins_result(studied: MarginStudy, rows: Sequence[LawMargins], *, complete
         complete: Whether nothing was interrupted.
     """
     lines: list[str] = []
-    for _, of_setup in by_setup(studied, rows):
+    for setup, of_setup in by_setup(studied, rows):
+        grows = growth(setup.case, [law.controller for law in setup.laws])
+        lines += [line for line in grows if line not in lines]
         lines += notes(of_setup)
     answer = Answer(
         question=f"Margins of {studied.target}",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -10,9 +11,13 @@ from case_texts import LEG_MODEL, short_step
 from commands import Patch, Screen, run
 
 from grosmc_mj.assumptions.notes import notes_on
+from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.tables import gains_table, requirements_table
 from grosmc_mj.requirements.judging import judge_runs
+from grosmc_mj.studies.law_margins import LawMargins
+from grosmc_mj.studies.margins import margin_study
+from grosmc_mj.studies.margins_answer import margins_result
 
 # A law that asks for 5 A in the first half of the run, and for 1 A in the second.
 LAW = """
@@ -216,3 +221,106 @@ def test_dry_friction_of_a_model_that_creeps_is_told(edit: str, told: bool, tmp_
     experiment = Experiment.load(tmp_path / "mine.toml")
     notes = notes_on(experiment, list(experiment.runs()))
     assert any("dry friction of hip does not hold" in note for note in notes) is told
+
+
+# States that grow by themselves
+
+# q'' = u + z, z' = d z: the input does not reach z. The output q' - 2 q of q'' = u has a zero at 2:
+# while it is held at zero, q grows.
+GROWING = """
+import sympy as sp
+import grosmc_mj as gm
+q, w, z, d = sp.symbols("q w z d")
+def carried(rate):
+    return gm.affine_plant("carried", states={"q": "rad", "w": "rad/s", "z": "rad/s^2"},
+        inputs={"u": "N"}, f=[w, z, d * z], g=[0, 1, 0], h=[q], parameters={"d": rate})
+def unstable():
+    return carried(0.5)
+def stable():
+    return carried(-0.5)
+def constant():
+    return carried(0)
+def undershooting():
+    return gm.affine_plant("undershooting", states={"q": "rad", "w": "rad/s"},
+        inputs={"u": "N"}, f=[w, 0], g=[0, d], h=[w - 2 * q], parameters={"d": 1})
+"""
+GROWING_CASE = """
+[plant]
+plant = "grows:{plant}"
+[run]
+start = {{ q = "0.1 rad" }}
+duration = "1 s"
+[task]
+reference = ["0"]
+Q = {Q}
+R = 1
+[[actuator]]
+of = "u"
+limit = "10 N"
+[[controller]]
+law = "{law}"
+[[requirement]]
+settles_within = "6 s"
+"""
+UNREACHED = "z grows by itself, at 0.5 1/s, and no input reaches it"
+INTERNAL = (
+    "{} at {} 1/s behind the outputs of fl-lqr: unstable internal dynamics, which no feedback of "
+    "the outputs sees"
+)
+
+
+@pytest.fixture
+def growing(tmp_path: Path) -> Callable[..., Path]:
+    """Writer of a case on one of the plants."""
+    (tmp_path / "grows.py").write_text(GROWING, encoding="utf-8")
+    path = tmp_path / "mine.toml"
+
+    def write(plant: str, law: str) -> Path:
+        Q = [1] if plant == "undershooting" else [1, 1]
+        path.write_text(GROWING_CASE.format(plant=plant, law=law, Q=Q), encoding="utf-8")
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("plant", "law", "told"),
+    [
+        ("stable", "lqr", []),
+        ("stable", "fl-lqr", []),
+        ("constant", "fl-lqr", []),
+        ("unstable", "lqr", [UNREACHED]),
+        ("unstable", "fl-lqr", [UNREACHED, INTERNAL.format("z grows", "0.5")]),
+        ("undershooting", "fl-lqr", [INTERNAL.format("q, w grow together", "2")]),
+    ],
+)
+def test_what_grows_by_itself_stands_beside_the_verdict(
+    growing: Callable[..., Path], plant: str, law: str, told: list[str]
+) -> None:
+    """Whether it has begun to or not: z is zero at the start, and the requirement may be kept."""
+    experiment = Experiment.load(growing(plant, law))
+    lines = notes_on(experiment, list(experiment.runs()))
+    assert [line for line in lines if "grow" in line] == told
+
+
+def test_list_tells_what_grows_by_itself(growing: Callable[..., Path], capsys: Screen) -> None:
+    run("list", growing("unstable", "lqr"))
+    assert UNREACHED in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_study_of_margins_tells_what_grows_by_itself(growing: Callable[..., Path]) -> None:
+    studied = margin_study(str(growing("unstable", "lqr")), ["lqr"])
+    rows = [LawMargins(setup=setup.name, law="lqr", levels=[]) for setup in studied.setups]
+    (answer,) = margins_result(studied, rows, complete=True).answers
+    assert answer.notes.count(UNREACHED) == 1
+
+
+def test_no_law_on_all_states_holds_one_that_the_input_does_not_reach(
+    growing: Callable[..., Path],
+) -> None:
+    path = growing("unstable", "lqr")
+    text = path.read_text(encoding="utf-8").replace("[run]", 'at = { q = "0 rad" }\n[run]')
+    text = text.replace('reference = ["0"]', "").replace("[1, 1]", "[1, 1, 1]")
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ArgumentError, match=f"LQR: {UNREACHED}"):
+        Experiment.load(path)

@@ -96,6 +96,7 @@ def _say_everything(console: Console) -> None:
 
 def _say_target(console: Console, target: str) -> None:
     """Print the cases, laws and plants of a target, and the names and numbers of its parts."""
+    from grosmc_mj.assumptions.growth import growth
     from grosmc_mj.experiments.catalogue import find_experiments
     from grosmc_mj.experiments.weights import gains_in_words, weights_in_words
     from grosmc_mj.results.tables import names, table, text
@@ -125,6 +126,10 @@ def _say_target(console: Console, target: str) -> None:
         if design is not None:
             numbers = f"{weights_in_words(design)}; {gains_in_words(design)}"
             _say(console, "weights", f"{law}: {numbers.rstrip('; ')}")
+
+    designed = [first.law(first.nominal.truest, law) for law in first.controllers]
+    for line in growth(first, designed):
+        _say(console, "grows", line)
 
     columns = [*names("nominal"), *text("numbers that are not zero")]
     console.print(table("", columns, _nominal_numbers(first.nominal.plant).items()))
