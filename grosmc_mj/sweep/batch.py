@@ -101,6 +101,15 @@ class Batch:
         )
 
 
-def evaluate(campaign: Campaign, controller: str, values: Array) -> Outcomes:
-    """Run plants (n, d) that are no runs of the campaign, in MuJoCo where there is a model."""
-    return Batch(campaign, values, [0] * len(values)).run(controller)
+def evaluate(
+    campaign: Campaign, controller: str, values: Array, ids: Sequence[int] = ()
+) -> Outcomes:
+    """Run plants (n, d), in MuJoCo where there is a model.
+
+    Args:
+        campaign: The campaign.
+        controller: Name of the controller.
+        values: The uncertain numbers, (n, d).
+        ids: Numbers of the runs, (n,), for what their loops draw; 0 by default.
+    """
+    return Batch(campaign, values, ids or [0] * len(values)).run(controller)

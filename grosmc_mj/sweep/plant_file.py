@@ -46,7 +46,7 @@ class ChosenPlant:
         which: Number of its run, or ``worst``, ``shrunk`` or ``outside``.
         law: The law that ran on it.
         values: Its uncertain numbers, (d,).
-        run: Number of the run that the loop draws for; 0 of a plant that was searched for.
+        run: Number of the run that the loop draws for.
         kind: ``physics``, or ``corrected`` if the equations judged it.
     """
 
@@ -91,8 +91,8 @@ def find_plant(
         law = list(campaign.laws)[-1]
     require_known("law", law, campaign.laws)
     if which in SEARCHED:
-        values = searched_values(campaign, folder.path, which, law)
-        return ChosenPlant(which, law, values, run=0, kind=_kind_of(campaign))
+        values, run = searched_plant(campaign, folder.path, which, law)
+        return ChosenPlant(which, law, values, run, _kind_of(campaign))
 
     runs = campaign.specification.runs
     if not (which.isdecimal() and len(which) <= _MOST_DIGITS and int(which) < runs):
@@ -105,13 +105,13 @@ def find_plant(
     return ChosenPlant(f"{number}", law, values, number, kind)
 
 
-def searched_values(
+def searched_plant(
     campaign: Campaign,
     folder: Path,
     which: str,
     law: str,
-) -> Array:
-    """Read the uncertain numbers of a plant that a search has found, (d,).
+) -> tuple[Array, int]:
+    """Read the uncertain numbers of a plant that a search has found, (d,), and its run's number.
 
     Args:
         campaign: The campaign.
@@ -128,15 +128,17 @@ def searched_values(
         raise SetupError(f"{folder} has no {name}: run the campaign with {option}")
     unreadable = f"{path} cannot be read: run the campaign with {option} again"
     try:
-        plant = json.loads(path.read_text(encoding="utf-8"))["controllers"][law][which]
+        found = json.loads(path.read_text(encoding="utf-8"))["controllers"][law]
+        plant = found[which]
         if plant is None:
             raise SetupError(f"{path}: no plant was found that fails under {law}")
         values = np.array([float(plant[name]) for name in campaign.family.names])
+        run = int(found.get(f"{which}_run", 0))
     except (OSError, ValueError, LookupError, TypeError, RecursionError, OverflowError):
         raise SetupError(unreadable) from None
-    if not np.all(np.isfinite(values)):
+    if not np.all(np.isfinite(values)) or not 0 <= run < 10**_MOST_DIGITS:
         raise SetupError(unreadable)
-    return values
+    return values, run
 
 
 def _kind_of(campaign: Campaign) -> PlantName:

@@ -55,6 +55,7 @@ class ScaleTrial:
         order: By which a worse plant is told from a better one, negative of a failure, (n,).
         growth: |s| - |s(0)| over what the promise allows, (n,): inf if one did not complete, NaN
             where nothing is promised.
+        ids: Numbers of the runs whose random numbers they draw, (n,).
     """
 
     scale: float
@@ -62,6 +63,7 @@ class ScaleTrial:
     relative: Array
     order: Array
     growth: Array
+    ids: tuple[int, ...]
 
     @property
     def room(self) -> Array:
@@ -82,6 +84,11 @@ class ScaleTrial:
     def worst(self) -> Array:
         """The uncertain numbers of the worst plant, (d,)."""
         return self.values[self.order.argmin()]
+
+    @property
+    def worst_run(self) -> int:
+        """Number of the run whose random numbers the worst plant draws."""
+        return self.ids[int(self.order.argmin())]
 
     @property
     def leaving(self) -> int:
@@ -107,6 +114,7 @@ class ScaleTrial:
             np.concatenate([self.relative, other.relative]),
             np.concatenate([self.order, other.order]),
             np.concatenate([self.growth, other.growth]),
+            (*self.ids, *other.ids),
         )
 
 
@@ -180,6 +188,7 @@ class RadiusSearch:
 
     Attributes:
         points: The plants, as points of the unit cube, (n, d).
+        ids: Numbers of the runs whose random numbers they draw, (n,).
     """
 
     def __init__(
@@ -197,7 +206,7 @@ class RadiusSearch:
             band: Amount by which |s| may exceed |s(0)|; None where nothing is promised.
             advance: Called with the number of runs done.
         """
-        self.points = _points(campaign)
+        self.points, self.ids = _points(campaign)
         self._trials: dict[float, ScaleTrial] = {}
         self._campaign = campaign
         self._controller = controller
@@ -225,10 +234,8 @@ class RadiusSearch:
             )
             if kept == 0.0:
                 return
-            failing = self._failing_nearby(kept, condition)
-            if failing is None:
+            if not self._add_failing_nearby(kept, condition):
                 return
-            self.points = np.vstack([self.points, failing])
 
     def _keeps(self, scale: float, condition: Condition) -> bool:
         """Whether every plant at a scale keeps a condition."""
@@ -238,22 +245,23 @@ class RadiusSearch:
         """The trial of all plants at a scale; those of plants that are new are run."""
         trial = self._trials.get(scale)
         if trial is None:
-            trial = self._run(self.points, scale)
+            trial = self._run(self.points, self.ids, scale)
         elif len(trial.order) < len(self.points):
-            trial = trial.with_more(self._run(self.points[len(trial.order) :], scale))
+            known = len(trial.order)
+            trial = trial.with_more(self._run(self.points[known:], self.ids[known:], scale))
         self._trials[scale] = trial
         return trial
 
-    def _run(self, points: Array, scale: float) -> ScaleTrial:
+    def _run(self, points: Array, ids: Sequence[int], scale: float) -> ScaleTrial:
         """Run plants at points of the unit cube, (n, d), at a scale."""
         family = self._campaign.family
         values = family.scaled(family.values(inside(points)), scale)
-        runs = screened_search(self._campaign, self._controller, values, self._margins)
+        runs = screened_search(self._campaign, self._controller, values, ids, self._margins)
         self._advance(len(points))
         growth = np.full(len(points), np.nan)
         if self._band is not None:
             growth = _growth(runs, self._band)
-        return ScaleTrial(scale, values, runs["relative"], runs["order"], growth)
+        return ScaleTrial(scale, values, runs["relative"], runs["order"], growth, tuple(ids))
 
     def _margins(self, runs: Outcomes) -> Array:
         """Margins in parts of their limits, and the room of |s| below its bound, (k, n)."""
@@ -261,16 +269,28 @@ class RadiusSearch:
             return runs.shares
         return np.vstack([runs.shares, 1 - _growth(runs, self._band)])
 
-    def _failing_nearby(self, scale: float, condition: Condition) -> Array | None:
-        """The worst point near the worst plants of a scale, (d,); None if it does not fail."""
-        search = CompassSearch(
-            lambda points: getattr(self._run(points, scale), condition),
-            self._campaign.family.search_bounds,
-        )
+    def _add_failing_nearby(self, scale: float, condition: Condition) -> bool:
+        """Add the worst point near the worst plants of a scale, and tell whether it fails.
+
+        All points have the random numbers of the worst plant.
+        """
         orders = getattr(self._at(scale), condition)
         worst = orders.argsort(kind="stable")[:TOGETHER]
-        search.descend(self.points[worst], orders[worst], _MOST_RUNS)
-        return search.point if search.order < 0 else None
+        draw = self.ids[worst[0]]
+        search = CompassSearch(
+            lambda points: getattr(self._run(points, [draw] * len(points), scale), condition),
+            self._campaign.family.search_bounds,
+        )
+        starts = self.points[worst]
+        judged = orders[worst]
+        if self._campaign.random:
+            judged = search.judge(starts)
+        search.descend(starts, judged, _MOST_RUNS)
+        if not search.order < 0:
+            return False
+        self.points = np.vstack([self.points, search.point])
+        self.ids.append(draw)
+        return True
 
     def trials(self) -> tuple[ScaleTrial, ...]:
         """Return all scales that were tried, in their order, each with all plants."""
@@ -308,15 +328,23 @@ def _growth(runs: Outcomes, band: float) -> Array:
     return np.where(np.isnan(growth), np.inf, growth)
 
 
-def _points(campaign: Campaign) -> Array:
-    """Points of the unit cube: corners, if the ranges have some, and the first samples."""
+def _points(campaign: Campaign) -> tuple[Array, list[int]]:
+    """Points of the unit cube: corners, if the ranges have some, and the first samples.
+
+    Returns:
+        The points, (n, d), and the numbers of the runs whose random numbers they draw, (n,): a run
+        of the campaign has its own.
+    """
     specification = campaign.specification
     corners = campaign.family.corners(_CORNERS)
     if specification.sampler == "corners" and len(corners):
-        return corners
+        # A corner's number has a bit for each coordinate.
+        numbers = corners @ (1 << np.arange(corners.shape[1]))
+        return corners, numbers.astype(int).tolist()
 
     samples = min(specification.runs, PLANTS - len(corners))
-    return np.concatenate([corners, campaign.points(specification.sampler, 0, samples)])
+    points = np.concatenate([corners, campaign.points(specification.sampler, 0, samples)])
+    return points, [*[0] * len(corners), *range(samples)]
 
 
 def radius_table(campaign: Campaign, searches: Sequence[Radius]) -> Table:
@@ -401,6 +429,7 @@ def _content(campaign: Campaign, search: Radius) -> dict[str, Any]:
         "largest_looked_at": search.largest,
         "plants_at_each_scale": search.plants,
         "outside": outside and campaign.named(outside.worst),
+        "outside_run": outside and outside.worst_run,
         "outside_scale": outside and outside.scale,
         "promised": search.promised.scale,
         "promised_note": search.promised.note,

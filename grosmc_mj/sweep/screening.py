@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -128,6 +128,7 @@ def screened_search(
     campaign: Campaign,
     controller: str,
     values: Array,
+    ids: Sequence[int],
     margins: Callable[[Outcomes], Array] = lambda runs: runs.shares,
 ) -> Outcomes:
     """Run plants that a search tries, on the equations where these may judge.
@@ -139,10 +140,11 @@ def screened_search(
         campaign: The campaign.
         controller: Name of the controller.
         values: The uncertain numbers, (n, d).
+        ids: Numbers of the runs, (n,), for what their loops draw.
         margins: Returns all that is compared with a limit, in parts of it, (k, n).
     """
     screening = screening_of(campaign)
-    batch = Batch(campaign, values, [0] * len(values))
+    batch = Batch(campaign, values, ids)
     if not screening.bands or not batch.equations:
         return batch.run(controller)
 

@@ -54,6 +54,7 @@ class WorstPlant:
         relative: Its least margin in parts of the limit; negative if something is not kept. Of
             plants that never settle the worst has the largest error left, see ``Outcomes.order``.
         winner: Its source, one of ``SOURCES``.
+        run: Number of the run whose random numbers its loop draws.
         samples: Least margin of the worst sample of the campaign, with which the search began.
         search: Least margin of the worst plant of the search.
         random: Least margin of the worst of as many random plants.
@@ -68,6 +69,7 @@ class WorstPlant:
     values: Array
     relative: float
     winner: str
+    run: int
     samples: float
     search: float
     random: float
@@ -101,6 +103,9 @@ def worst(
 ) -> WorstPlant:
     """Search by compass search from the worst of many starts, and try as many random plants.
 
+    Samples have the random numbers of their own runs. All other plants have those of the worst
+    run, with which a search does not lose the failure that it begins with.
+
     Args:
         campaign: The campaign.
         controller: Name of the controller.
@@ -110,14 +115,17 @@ def worst(
         advance: Called with the number of runs done.
     """
     family = campaign.family
+    draw = ids[0] if campaign.random else 0
 
     def order(points: Array) -> Array:
-        runs = screened_search(campaign, controller, family.values(inside(points)))
+        values = family.values(inside(points))
+        runs = screened_search(campaign, controller, values, [draw] * len(values))
         advance(len(points))
         return runs["order"]
 
     sampler = campaign.specification.sampler
-    samples = np.concatenate([campaign.points(sampler, run, 1) for run in ids[:_SAMPLES]])
+    sampled_runs = list(ids[:_SAMPLES])
+    samples = np.concatenate([campaign.points(sampler, run, 1) for run in sampled_runs])
     search = CompassSearch(order, family.search_bounds)
     starts = _starts(campaign, samples)
     search.descend(starts, search.judge(starts), evaluations)
@@ -128,10 +136,12 @@ def worst(
     worst_random = random[orders.argmin()]
 
     sampled = family.values(samples)
-    worst_sample = int(evaluate(campaign, controller, sampled)["order"].argmin())
+    by_sample = evaluate(campaign, controller, sampled, sampled_runs)
+    worst_sample = int(by_sample["order"].argmin())
     others = family.values(inside(np.stack([search.point, worst_random])))
     candidates = np.stack([sampled[worst_sample], *others])
-    outcome = evaluate(campaign, controller, candidates)
+    runs = [sampled_runs[worst_sample], draw, draw]
+    outcome = evaluate(campaign, controller, candidates, runs)
     margins = outcome["relative"].tolist()
     winner = int(outcome["order"].argmin())
     worst_plant = WorstPlant(
@@ -139,6 +149,7 @@ def worst(
         values=candidates[winner],
         relative=margins[winner],
         winner=SOURCES[winner],
+        run=runs[winner],
         samples=margins[0],
         search=margins[1],
         random=margins[2],
@@ -156,8 +167,8 @@ def _starts(campaign: Campaign, samples: Array) -> Array:
 
 def _with_shrunk(campaign: Campaign, worst_plant: WorstPlant) -> WorstPlant:
     """A failing plant with the plant that it is shrunk to."""
-    plant = shrunk(campaign, worst_plant.controller, worst_plant.values)
-    margins = evaluate(campaign, worst_plant.controller, plant[None])["relative"]
+    plant = shrunk(campaign, worst_plant.controller, worst_plant.values, worst_plant.run)
+    margins = evaluate(campaign, worst_plant.controller, plant[None], [worst_plant.run])["relative"]
     pairs = zip(campaign.family.quantities, plant, strict=True)
     return replace(
         worst_plant,
@@ -167,18 +178,24 @@ def _with_shrunk(campaign: Campaign, worst_plant: WorstPlant) -> WorstPlant:
     )
 
 
-def shrunk(campaign: Campaign, controller: str, values: Array) -> Array:
+def shrunk(campaign: Campaign, controller: str, values: Array, run: int = 0) -> Array:
     """Bring a failing plant towards the nominal one as far as it fails still, (d,).
 
     Numbers are made nominal one by one, each time the number without which it fails worst; then
     all that are not nominal are moved towards their nominal values together.
+
+    Args:
+        campaign: The campaign.
+        controller: Name of the controller.
+        values: The uncertain numbers of the plant, (d,).
+        run: Number of the run whose random numbers its loop draws.
     """
     nominal = campaign.family.nominal
-    plant = _with_fewest_changes(campaign, controller, values)
+    plant = _with_fewest_changes(campaign, controller, values, run)
 
     def passes(share: float) -> bool:
         nearer = nominal + share * (plant - nominal)
-        return bool(screened_search(campaign, controller, nearer[None])["order"][0] >= 0)
+        return bool(screened_search(campaign, controller, nearer[None], [run])["order"][0] >= 0)
 
     _, share = largest_passing(passes, 0.0, 1.0, 1.0, 0.0, _NEAR)
     if share >= 1.0:
@@ -186,7 +203,7 @@ def shrunk(campaign: Campaign, controller: str, values: Array) -> Array:
     return nominal + share * (plant - nominal)
 
 
-def _with_fewest_changes(campaign: Campaign, controller: str, values: Array) -> Array:
+def _with_fewest_changes(campaign: Campaign, controller: str, values: Array, run: int) -> Array:
     """A failing plant with as many nominal numbers as it can have and fail still, (d,)."""
     nominal = campaign.family.nominal
     plant = values.copy()
@@ -198,7 +215,8 @@ def _with_fewest_changes(campaign: Campaign, controller: str, values: Array) -> 
         # A candidate for each changed number, in which that number is nominal.
         candidates = np.tile(plant, (len(changed), 1))
         candidates[range(len(changed)), changed] = nominal[changed]
-        order = screened_search(campaign, controller, candidates)["order"]
+        runs = [run] * len(candidates)
+        order = screened_search(campaign, controller, candidates, runs)["order"]
         if not order.min() < 0:
             return plant
         plant = candidates[int(order.argmin())]
@@ -217,12 +235,13 @@ def worst_table(campaign: Campaign, searches: Sequence[WorstPlant]) -> Table:
             *text("nearest found to the nominal plant that fails"),
         ],
         [_table_row(campaign, plant) for plant in searches],
-        legend="Samples: the worst run of the campaign. Search: compass search from the worst of "
-        "samples, corners of the ranges and random plants, along one number at a time, up to "
-        f"{runs} runs; random: {runs} random plants. All three were judged in MuJoCo; of equally "
-        "bad ones the first is named. Of plants that never settle the one with the largest error "
-        "left is the worst, of runs that end early the earliest. Below zero something is not kept; "
-        "numbers not named are nominal. "
+        legend="Samples: the worst run of the campaign; what its loop draws at random, all other "
+        "plants have, too. Search: compass search from the worst of samples, corners of the "
+        f"ranges and random plants, along one number at a time, up to {runs} runs; random: {runs} "
+        "random plants. All three were judged in MuJoCo; of equally bad ones the first is named. "
+        "Of plants that never settle the one with the largest error left is the worst, of runs "
+        "that end early the earliest. Below zero something is not kept; numbers not named are "
+        "nominal. "
         f"{NO_PROOF}",
     )
 
@@ -276,12 +295,14 @@ def _content(campaign: Campaign, plant: WorstPlant) -> dict[str, Any]:
         "fails": plant.fails,
         "relative": plant.relative,
         "worst": campaign.named(plant.values),
+        "worst_run": plant.run,
         "worst_by": plant.winner,
         "worst_of_the_samples": plant.samples,
         "worst_of_the_search": plant.search,
         "worst_of_as_many_random_plants": plant.random,
         "evaluations": plant.evaluations,
         "shrunk": campaign.named(plant.shrunk),
+        "shrunk_run": plant.run,
         "shrunk_relative": plant.shrunk_relative,
         "not_nominal": list(plant.changed),
     }

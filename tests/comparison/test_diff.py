@@ -582,7 +582,7 @@ def test_searches_of_two_campaigns_in_one_folder_are_told_apart() -> None:
     names = set()
     for name in ("light", "heavy"):
         declared = campaign(pair(), name=name)
-        trials = (ScaleTrial(0.5, np.ones((1, 2)), np.ones(1), np.ones(1), np.ones(1)),)
+        trials = (ScaleTrial(0.5, np.ones((1, 2)), np.ones(1), np.ones(1), np.ones(1), (0,)),)
         radius = Radius("lqr", 8, trials, Promise(None, "", None), 1.0)
         document = radius_result(declared, [radius])
         names |= {value.name for value in document.values}

@@ -515,7 +515,7 @@ def test_a_map_is_over_the_two_numbers_that_drive_margins_most(servo_findings: F
 def trial(scale: float, margin: float) -> ScaleTrial:
     """A trial that fails if the margin is negative; |s| leaves its bound beyond 2."""
     margins = np.array([margin])
-    return ScaleTrial(scale, np.zeros((1, 1)), margins, margins, np.array([scale / 2]))
+    return ScaleTrial(scale, np.zeros((1, 1)), margins, margins, np.array([scale / 2]), (0,))
 
 
 TRIALS = (trial(1, 0.5), trial(2, 0.1), trial(3, -0.2), trial(4, -INF))

@@ -33,7 +33,7 @@ from grosmc_mj.sweep.plant_file import (
     ChosenPlant,
     case_text,
     find_plant,
-    searched_values,
+    searched_plant,
 )
 from grosmc_mj.sweep.quantities import written
 from grosmc_mj.sweep.runs import MARGIN, Outcomes, Row, run_rows
@@ -460,7 +460,7 @@ def test_a_damaged_search_is_refused(content: str, tmp_path: Path) -> None:
     path = tmp_path / "worst.json"
     path.write_text(content)
     declared = campaign(servo(BOTH), seed=5)
-    line = refusal(searched_values, declared, tmp_path, "worst", "grosmc")
+    line = refusal(searched_plant, declared, tmp_path, "worst", "grosmc")
     assert line == f"{path} cannot be read: run the campaign with --worst again"
 
 

@@ -347,7 +347,7 @@ def test_a_search_widens_its_band_by_the_differences_that_it_confirms(monkeypatc
     screening = Screening({"stiff": 0.0})
     monkeypatch.setattr(screening_module, "screening_of", lambda _: screening)
     values = declared.values(range(192))
-    rows = screened_search(declared, "stiff", values)
+    rows = screened_search(declared, "stiff", values, range(192))
     exact = evaluate(declared, "stiff", values)
 
     confirmed = rows["judged_by"] == PHYSICS

@@ -22,16 +22,18 @@ from campaign_cases import (
 )
 from commands import Patch
 
-from grosmc_mj.results.document import plain
+from grosmc_mj.arrays import Array
+from grosmc_mj.results.document import json_text, plain
 from grosmc_mj.sweep import worst as worst_module
 from grosmc_mj.sweep.batch import evaluate
 from grosmc_mj.sweep.campaign import Campaign
 from grosmc_mj.sweep.compass import CompassSearch
 from grosmc_mj.sweep.family import random_points
 from grosmc_mj.sweep.findings import findings
+from grosmc_mj.sweep.plant_file import searched_plant
 from grosmc_mj.sweep.promise import Promise, PromisedFamily, promise
 from grosmc_mj.sweep.radius import Radius, ScaleTrial, _growth, radius
-from grosmc_mj.sweep.worst import WorstPlant, shrunk, worst, worst_result
+from grosmc_mj.sweep.worst import WORST, WorstPlant, shrunk, worst, worst_result
 
 
 def loads(limit: float, tables: str = AMPLITUDE, laws: str = LQR, **options: Any) -> Campaign:
@@ -171,6 +173,65 @@ STAYS_AT_START = """
 [[requirement]]
 stays_within = "1 rad"
 """
+
+
+# Noise of a sensor that moves the input by more than the load does.
+NOISY = """
+[[sensor]]
+of = "rotor angle"
+noise = "5 mrad"
+[[sensor]]
+of = "rotor speed"
+noise = "0.1 rad/s"
+"""
+
+
+@cache
+def noisy() -> Campaign:
+    """A campaign of which one run of 16 fails, by its own random numbers."""
+    text = servo(AMPLITUDE, laws=LQR + NOISY, limits=deviation_below("3.9 mrad"))
+    return campaign(text, runs=16)
+
+
+def own_margins(declared: Campaign) -> Array:
+    """Margins of the campaign's runs, each with its own random numbers."""
+    ids = range(declared.specification.runs)
+    return evaluate(declared, "lqr", declared.values(ids), ids)["relative"]
+
+
+def test_the_worst_sample_has_the_margin_of_its_own_run() -> None:
+    """It was run with the random numbers of the first run: a margin above 0 beside failures."""
+    declared = noisy()
+    margins = own_margins(declared)
+    assert (margins < 0).sum() == 1
+    assert evaluate(declared, "lqr", declared.values(range(16)))["relative"].min() > 0
+
+    search = worst(declared, "lqr", margins.argsort().tolist(), 128)
+    assert search.samples == margins.min()
+    assert search.relative <= margins.min()
+    again = evaluate(declared, "lqr", search.values[None], [search.run])
+    assert again["relative"].tolist() == [search.relative]
+
+
+@pytest.mark.parametrize("which", ["worst", "shrunk"])
+def test_the_case_file_of_a_plant_that_was_found_draws_what_it_was_found_with(
+    which: str, tmp_path: Path
+) -> None:
+    declared = noisy()
+    margins = own_margins(declared)
+    search = worst(declared, "lqr", margins.argsort().tolist(), 128)
+    content = json_text(worst_result(declared, [search]))
+    (tmp_path / WORST).write_text(content, encoding="utf-8")
+    _, run = searched_plant(declared, tmp_path, which, "lqr")
+    assert run == search.run == margins.argmin() != 0
+
+
+def test_at_the_scale_as_declared_samples_are_the_runs_of_the_campaign() -> None:
+    declared = noisy()
+    corners = len(declared.family.corners(64))
+    (trial,) = [trial for trial in radius(declared, "lqr").trials if trial.scale == 1]
+    samples = trial.relative[corners : corners + 16]
+    np.testing.assert_allclose(samples, own_margins(declared), rtol=1e-9)
 
 
 def test_a_margin_of_zero_is_kept() -> None:
@@ -378,7 +439,7 @@ def trial(scale: float, failures: int, leaving: int) -> ScaleTrial:
     """A trial of one scale."""
     margins = np.where(np.arange(4) < failures, -1.0, 1.0)
     growth = np.where(np.arange(4) < leaving, 1.5, 0.5)
-    return ScaleTrial(scale, np.zeros((4, 1)), margins, margins, growth)
+    return ScaleTrial(scale, np.zeros((4, 1)), margins, margins, growth, (0,) * 4)
 
 
 # A requirement fails from the second scale on, and s leaves its bound at the third.
