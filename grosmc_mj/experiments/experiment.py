@@ -63,6 +63,7 @@ from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.requirements.run_metrics import measure
 from grosmc_mj.simulation.disturbances import AnyDisturbance
 from grosmc_mj.simulation.law_inputs import require_answer
+from grosmc_mj.simulation.prepare import number_of_steps, prepare
 from grosmc_mj.simulation.problem import Plant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.units import in_units
@@ -637,6 +638,36 @@ class Experiment:
         for plant in self.plant_names:
             for name in self.controllers:
                 yield self.run(plant, name)
+
+    @property
+    def record_size(self) -> int:
+        """Size of the records of all runs together, each controller on each plant [byte]."""
+        settings = self.settings
+        size = 0
+        for plant in self.plant_names:
+            for name in self.controllers:
+                # The width of a record does not depend on its length.
+                problem, _ = prepare(
+                    self.plant(plant),
+                    self.law(plant, name),
+                    self.x0,
+                    loop=self.applied_loop(plant, name),
+                    duration=settings.timestep,
+                    control_period=settings.control_period,
+                    timestep=settings.timestep,
+                    disturbances=self.disturbances,
+                )
+                size += problem.row_size * (self.steps + 1)
+        return size
+
+    @property
+    def steps(self) -> int:
+        """Number of timesteps of a run.
+
+        Raises:
+            ArgumentError: If they are too many.
+        """
+        return number_of_steps(self.duration, self.settings.timestep)
 
     def document(self) -> dict[str, Any]:
         """Return the resolved file as plain values."""

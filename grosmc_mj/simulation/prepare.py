@@ -22,6 +22,7 @@ from grosmc_mj.records import record_dtype
 from grosmc_mj.refusals import refusal
 from grosmc_mj.simulation.accumulator import Accumulator
 from grosmc_mj.simulation.disturbances import AnyDisturbance, RateDisturbance
+from grosmc_mj.simulation.memory import require_memory
 from grosmc_mj.simulation.problem import Problem
 
 ANALYTIC_TIMESTEP = 1e-3
@@ -135,6 +136,7 @@ def prepare(
         record=record,
         threads=threads,
     )
+    require_memory(problem.record_size, nsim, problem.steps)
     for item, start in zip(problem.plants, problem.x0, strict=True):
         item.require_start(start)
     _refuse_rates_in_physics(problem)

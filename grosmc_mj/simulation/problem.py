@@ -111,6 +111,17 @@ class Problem:
         """Number of signals in a row."""
         return self.columns["seen"].stop
 
+    @property
+    def record_size(self) -> int:
+        """Size of the signals of all timesteps that are kept [byte], without hidden states."""
+        kept = self.steps if self.record else 1
+        return len(self.x0) * (kept + 1) * self.row_size
+
+    @property
+    def row_size(self) -> int:
+        """Size of the signals of one timestep [byte]."""
+        return self.x0.itemsize * self.width
+
     # Profiles that are no formula are called at every timestep, once.
     @cached_property
     def packed_disturbances(self) -> list[tuple[Array, Array]]:

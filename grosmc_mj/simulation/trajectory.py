@@ -111,7 +111,7 @@ class Trajectory:
             rows = getattr(self, name)
             if rows is None:
                 continue
-            nonzero = np.any(rows.reshape(len(rows), -1) != 0, axis=1)
+            nonzero = np.any(rows != 0, axis=tuple(range(1, rows.ndim)))
             acts = nonzero if acts is None else acts | nonzero
         return acts
 
@@ -145,7 +145,8 @@ class Trajectory:
 
             # A signal that is held over intervals has no value at the last instant.
             held = np.full((len(self.time), len(names)), np.nan)
-            held[: len(rows)] = rows.reshape(len(rows), -1)
+            # Of a run that ends in its first step it has none at all.
+            held[: len(rows)] = rows.reshape(len(rows), len(names))
             for name, (_, unit), values in zip(names, labels, held.T, strict=True):
                 columns[name] = unit, values
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -14,6 +14,10 @@ from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.file.schema import DistributionTable
 from grosmc_mj.units import numbers_of
 
+# Points stay so far off the faces of the unit cube, where quantiles may be infinite.
+EDGE = 2.0**-53
+# Largest size of a number or a value: its products with others are finite.
+_LARGEST = 1e100
 _ENDS = ("least", "most")
 
 
@@ -100,6 +104,7 @@ def distribution(spread: list[Any] | DistributionTable, unit: str) -> Distributi
     listed = ", ".join(f"{name} {value:.4g}" for name, value in numbers.items())
     words = f"{spread.distribution}: {listed}"
 
+    _refuse_huge(words, numbers.values())
     least = numbers.get("least", -np.inf)
     most = numbers.get("most", np.inf)
     if least < most:
@@ -109,11 +114,26 @@ def distribution(spread: list[Any] | DistributionTable, unit: str) -> Distributi
         support = max(least, float(low)), min(most, float(high))
         share_below, share_up_to = frozen.cdf(support)
         if share_below < share_up_to:
-            return Distribution(frozen, support, words)
+            spread_out = Distribution(frozen, support, words)
+            with np.errstate(over="ignore"):
+                extremes = spread_out.quantiles(np.array([EDGE, 1 - EDGE]))
+            _refuse_huge(words, extremes.tolist())
+            return spread_out
     raise ArgumentError(
         f"{words} is no distribution: least must be below most with some values between them, mode "
         "from least to most; deviation, median, spread and least of loguniform must be positive"
     )
+
+
+def _refuse_huge(words: str, values: Iterable[float]) -> None:
+    """Refuse a distribution with a huge number or value.
+
+    Raises:
+        ArgumentError: If there is one.
+    """
+    largest = max(map(abs, values))
+    if not largest <= _LARGEST:
+        raise ArgumentError(f"{words}: {largest:.4g} can occur, but at most {_LARGEST:g} in size")
 
 
 def _numbers(table: DistributionTable, kind: _Kind, unit: str) -> dict[str, float]:

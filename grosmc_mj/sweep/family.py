@@ -26,7 +26,7 @@ from grosmc_mj.experiments.file.schema import (
 )
 from grosmc_mj.plants import Plant, System
 from grosmc_mj.requirements.metrics import may_be_stored
-from grosmc_mj.sweep.distributions import distribution
+from grosmc_mj.sweep.distributions import EDGE, distribution
 from grosmc_mj.sweep.quantities import (
     QUANTITY_KINDS,
     AddedMassQuantity,
@@ -38,8 +38,6 @@ from grosmc_mj.units import number_in, numbers_of, si_number
 
 # Share of a range without an end that searches leave out there, where nothing is the worst.
 _TAIL = 0.001
-# Points stay off the faces of the cube, where quantiles may be infinite.
-_EDGE = 2.0**-53
 
 
 def random_points(
@@ -81,7 +79,7 @@ def corner_points(dimensions: int, first: int, count: int) -> Array:
 
 def inside(points: Array) -> Array:
     """Return points of the cube, moved off its faces."""
-    return np.clip(points, _EDGE, 1 - _EDGE)
+    return np.clip(points, EDGE, 1 - EDGE)
 
 
 # Columns of rows that may have been screened by equations, with their units.

@@ -18,7 +18,7 @@ from campaign_cases import run
 from numpy.typing import NDArray
 
 import grosmc_mj as gm
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.errors import ArgumentError, UndefinedLawError
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 
 
@@ -48,6 +48,30 @@ def test_a_run_is_read_as_it_was_written(case: str, tmp_path: Path) -> None:
     loaded = gm.load_trajectory(result(case).save(tmp_path / "run.parquet"))
     for name in FIELDS:
         np.testing.assert_array_equal(getattr(written, name), getattr(loaded, name), err_msg=name)
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_a_run_that_ends_in_its_first_step_is_written(ending: str, tmp_path: Path) -> None:
+    """The pole starts below the horizontal, where no law is defined: there is one instant."""
+    nominal = Experiment.load("cart_pendulum/nominal")
+    with pytest.raises(UndefinedLawError) as ended:
+        gm.simulate(
+            nominal.plant("physics"),
+            nominal.law("physics", "fl-lqr"),
+            [0.0, 1.6, 0.0, 0.0],
+            duration=0.1,
+            control_period=1e-3,
+        )
+    written: Any = ended.value.trajectory
+    file = written.save(tmp_path / f"run.{ending}")
+    assert written.state.tolist() == [[0.0, 1.6, 0.0, 0.0]]
+    if ending == "csv":
+        (row,) = csv.DictReader(file.read_text(encoding="utf-8").splitlines())
+        assert (row["pole angle [rad]"], row["force [N]"]) == ("1.6", "")
+    else:
+        loaded = gm.load_trajectory(file)
+        assert loaded.state.tolist() == written.state.tolist()
+        assert (loaded.input.shape, loaded.memory.shape) == ((0,), (0,))
 
 
 @each_case

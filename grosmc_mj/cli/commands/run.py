@@ -32,6 +32,9 @@ if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment, RunResult
     from grosmc_mj.results.result import Result
 
+# Timesteps from which on the memory of a run's record is counted before the run.
+_LONG = 1_000_000
+
 
 @command
 class RunCommand(Command):
@@ -89,6 +92,8 @@ class RunCommand(Command):
             raise ArgumentError(f"--log: {self.target} is {len(experiments)} cases: name one")
         for experiment in experiments:
             _check(experiment)
+            if not self.log:
+                _require_memory(experiment)
 
         self.out.mkdir(parents=True, exist_ok=True)
         alone = len(experiments) == 1
@@ -207,6 +212,24 @@ class RunCommand(Command):
         with figure_written(figure_path, figure_size(results)) as figure:
             draw_experiment(figure, results)
         return (figure_path,)
+
+
+def _require_memory(experiment: Experiment) -> None:
+    """Refuse runs whose records do not fit into memory; say what long ones take.
+
+    Raises:
+        ArgumentError: If the machine has less memory.
+    """
+    from grosmc_mj.simulation.memory import is_much_memory, memory_words, require_memory
+
+    # Shorter runs take some MB, and this prepares each of them.
+    if experiment.steps < _LONG:
+        return
+    runs = len(experiment.plant_names) * len(experiment.controllers)
+    size = experiment.record_size
+    require_memory(size, runs, experiment.steps)
+    if is_much_memory(size):
+        screen.notice(f"{experiment.path.name}: {memory_words(size, runs, experiment.steps)}.")
 
 
 def _check(experiment: Experiment) -> None:
