@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import scipy.linalg
@@ -56,7 +58,7 @@ def test_nothing_is_said_of_what_does_not_grow_or_is_reached(A: Array, B: Array)
 
 def test_a_growing_oscillation_is_one_mode_of_both_states() -> None:
     spiral = np.array([[0.2, 3], [-3, 0.2]])
-    A = scipy.linalg.block_diag(-1.0, spiral)
+    A: Any = scipy.linalg.block_diag(-1.0, spiral)
     (mode,) = unreached_modes(A, np.array([[1.0], [0], [0]]), LEAST)
     assert mode.states == (1, 2)
     assert mode.rate == pytest.approx(0.2)
