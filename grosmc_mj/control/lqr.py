@@ -111,7 +111,9 @@ def lqr(
     """
     A, B, Q, R = _checked(A, B, Q, R)
     try:
-        P = scipy.linalg.solve_continuous_are(A, B, Q, R)
+        # Weights near the ends of the floats overflow in it, and the poles below tell.
+        with np.errstate(all="ignore"):
+            P = scipy.linalg.solve_continuous_are(A, B, Q, R)
     except (np.linalg.LinAlgError, ValueError) as error:
         raise GainError(_unsolvable(A, B, Q, error, names)) from error
 

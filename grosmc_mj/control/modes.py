@@ -119,7 +119,11 @@ def internal_modes(A: Array, B: Array, T: Array, least: float) -> list[Mode]:
 
 def _balanced(A: Array) -> tuple[Array, Array]:
     """A in units of the states in which its rows and columns are alike, and these units, (n,)."""
-    balanced, (scales, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
+    # Numbers near the ends of the floats overflow in it.
+    with np.errstate(all="ignore"):
+        balanced, (scales, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
+    if not np.isfinite(balanced).all() or not np.isfinite(scales).all():
+        return A, np.ones(len(A))
     return balanced, scales
 
 

@@ -220,17 +220,22 @@ class AddedMass(Edit):
         centre = model.body_ipos[index]
 
         place = np.array(self.position)
-        total = mass + self.mass
-        new_centre = (mass * centre + self.mass * place) / total
-
         rotation = np.zeros(9)
         mujoco.mju_quat2Mat(rotation, model.body_iquat[index])
         axes = rotation.reshape(3, 3)
-        about_new = (
-            axes @ np.diag(model.body_inertia[index]) @ axes.T
-            + mass * _steiner(centre - new_centre)
-            + self.mass * _steiner(place - new_centre)
-        )
+        total = mass + self.mass
+        with np.errstate(all="ignore"):
+            new_centre = (mass * centre + self.mass * place) / total
+            about_new = (
+                axes @ np.diag(model.body_inertia[index]) @ axes.T
+                + mass * _steiner(centre - new_centre)
+                + self.mass * _steiner(place - new_centre)
+            )
+        if not np.isfinite(about_new).all():
+            raise ModelError(
+                f"load of {self.body!r}: {self.mass:g} kg at {list(self.position)} m has no finite "
+                "inertia"
+            )
         principal = np.zeros(3)
         vectors = np.zeros(9)
         quaternion = np.zeros(4)

@@ -53,13 +53,11 @@ def load_model(name: str) -> mujoco.MjModel:
     return compile_spec(load_spec(name))
 
 
-def compile_spec(spec: mujoco.MjSpec, *, checked: bool = False) -> mujoco.MjModel:
+def compile_spec(spec: mujoco.MjSpec) -> mujoco.MjModel:
     """Compile a model; if MuJoCo cannot, its message becomes one line.
 
     Args:
         spec: The model.
-        checked: True if its numbers are known to be finite: those of a nominal model that was
-            compiled here, with finite edits.
 
     Raises:
         ModelError: If MuJoCo refuses the model, or nobody could simulate it.
@@ -69,8 +67,8 @@ def compile_spec(spec: mujoco.MjSpec, *, checked: bool = False) -> mujoco.MjMode
             model = spec.compile()
     except ValueError as error:
         raise ModelError(f"{spec.modelname}: {' '.join(str(error).split())}") from error
-    if not checked:
-        refuse_unusable(model, spec.modelname)
+    # Finite edits of finite numbers may overflow.
+    refuse_unusable(model, spec.modelname)
     return model
 
 

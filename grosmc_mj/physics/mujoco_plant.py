@@ -340,7 +340,7 @@ class MujocoPlant(Plant):
         if self.integrator is not None:
             spec.option.integrator = _MUJOCO[self.integrator]
 
-        model = compile_spec(spec, checked=bool(self.edits))
+        model = compile_spec(spec)
         # MuJoCo would silently start a diverged simulation again.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
 

@@ -64,6 +64,13 @@ def test_a_growing_oscillation_is_one_mode_of_both_states() -> None:
     assert mode.rate == pytest.approx(0.2)
 
 
+@pytest.mark.parametrize("size", [1e-308, 1e-160, 1e160, 1e300])
+def test_numbers_near_the_ends_of_the_floats_are_no_error(size: float) -> None:
+    A = np.array([[0.0, 1], [-size, 0]])
+    assert unreached_modes(A, np.eye(2), LEAST) == []
+    assert internal_modes(A, np.eye(2), np.eye(2)[:1] * size, LEAST) == []
+
+
 def test_two_unstable_modes_of_one_growth_need_two_inputs() -> None:
     """With one input a combination of both moves by itself."""
     A = np.eye(2)

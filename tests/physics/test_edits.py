@@ -309,6 +309,23 @@ def test_a_tilt_turns_an_axis_towards_z_or_from_z_towards_x(
 
 
 @pytest.mark.parametrize(
+    ("edits", "words"),
+    [
+        ([BodyEdit("rotor", mass_scale=1e308)], r"body_mass\[1\] = inf must be finite"),
+        ([BodyEdit("rotor", length_scale=1e200)], r"body_inertia\[1, 0\] = inf must be finite"),
+        ([AddedMass("rotor", 1e308)], "= inf must be finite"),
+        ([AddedMass("rotor", 1.0, (1e200, 0, 0))], "1 kg at .* m has no finite inertia"),
+        ([AddedMass("rotor", 1e308, (1e3, 0, 0))], "1e\\+308 kg at .* m has no finite inertia"),
+    ],
+)
+def test_finite_edits_that_overflow_are_refused(edits: list[Edit], words: str) -> None:
+    """Their products with the model's numbers are what must be finite."""
+    plant = MujocoPlant.load("servo").changed(*edits)
+    with pytest.raises(ModelError, match=words):
+        plant.undrawn_model  # noqa: B018
+
+
+@pytest.mark.parametrize(
     ("call", "words"),
     [
         (lambda: BodyEdit("pole", inertia=(1, 0, 1)), "must be positive"),

@@ -37,7 +37,7 @@ class Tuning:
         settles_within: Time in which each output's error shall be within 2 % [s].
     """
 
-    settles_within: Annotated[float, Range(0, unit="s", above=True)]
+    settles_within: Annotated[float, Range(1e-6, 1e6, "s")]
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,7 +229,7 @@ def tuned_gains(loop: PidLoop, tuning: Tuning) -> PidGains:
         if not tail < 1e12:
             return 1e3
         peak = loop.sensitivity(gains, frequencies)
-        return max(math.log(tail / _BAND), 0.0) + max(peak / _PEAK - 1, 0.0)
+        return math.log(max(tail / _BAND, 1.0)) + max(peak / _PEAK - 1, 0.0)
 
     for frequency in np.geomspace(1, 100, 200) / aim:
         placed = placed_gains(loop, frequency)
