@@ -12,7 +12,14 @@ from functools import cache, partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    field_validator,
+)
 
 from grosmc_mj.errors import ArgumentError, Mistakes, value_text
 
@@ -21,6 +28,8 @@ if TYPE_CHECKING:
 
 # An example for messages, by the unit that is wanted.
 _EXAMPLES = {"s": "6 s", "rad": "10 deg", "m": "5 cm", "N": "2 N", "N m": "0.5 N m", "kg": "1 kg"}
+# Size of a number at most: costs have its square, times a weight and summed over a run.
+LARGEST = 1e100
 _PERCENT = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)\s*%")
 _PER_SECOND = re.compile(r"/s(?:\^(\d))?$")
 _NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)", re.DOTALL)
@@ -368,7 +377,7 @@ def si_number(value: Any, unit: str) -> float:
         ArgumentError: If the unit is unknown or does not fit.
     """
     if is_number(value):
-        return float(value)
+        return _finite(float(value), value)
     return number_in(value, unit)
 
 
@@ -398,9 +407,11 @@ def _positive(seconds: float) -> float:
 
 
 def _finite(number: float, value: Any) -> float:
-    """Return a number, and refuse one that is not finite."""
+    """Return a number, and refuse one that is not finite, or whose products would not be."""
     if not math.isfinite(number):
         raise ArgumentError(f"{value_text(value)} must be finite")
+    if abs(number) > LARGEST:
+        raise ArgumentError(f"{value_text(value)} is too large: write {LARGEST:g} at most")
     return number
 
 
@@ -422,6 +433,15 @@ class Table(BaseModel):
     """A table of a case file: no other keys, no conversions between types."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _refuse_too_large(cls, value: Any) -> Any:
+        """Refuse numbers whose products would not be finite."""
+        for item in value if isinstance(value, list) else [value]:
+            if is_number(item) and LARGEST < abs(item) < math.inf:
+                raise ArgumentError(f"{value_text(item)} is too large: write {LARGEST:g} at most")
+        return value
 
 
 def numbers_of(

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from grosmc_mj.arrays import Array
+from grosmc_mj.arrays import Array, as_rows
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.control.coordinates.state import StateCoordinates
 from grosmc_mj.control.reaching import NominalLaw, gain_margin, matrix_vector, nominal_law
@@ -100,7 +100,7 @@ class Loads(NamedTuple):
         if run.wrench is not None:
             loads.wrench[:] = run.wrench[rows]
         if run.input_disturbance is not None:
-            loads.input[:] = run.input_disturbance[rows].reshape(count, -1)
+            loads.input[:] = as_rows(run.input_disturbance[rows])
         if run.rate_disturbance is not None:
             loads.rate[:] = run.rate_disturbance[rows]
         return loads

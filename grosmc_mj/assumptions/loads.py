@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grosmc_mj.arrays import Array
+from grosmc_mj.arrays import Array, as_rows
 from grosmc_mj.assumptions.audit import ROUNDING
 from grosmc_mj.assumptions.balance import Loads
 from grosmc_mj.control.reaching import matrix_vector
@@ -64,7 +64,7 @@ def some_of(rows: NDArray[np.int_]) -> NDArray[np.int_]:
 
 def instants_of(run: Trajectory, rows: NDArray[np.int_]) -> Instants:
     """Return the instants of a run in these rows, (N,)."""
-    inputs = run.input.reshape(len(run.input), -1)
+    inputs = as_rows(run.input)
     return Instants(run.time[rows].tolist(), run.state[rows], inputs[rows])
 
 

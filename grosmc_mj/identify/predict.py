@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grosmc_mj.arrays import Array
+from grosmc_mj.arrays import Array, as_rows
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.measured import MeasuredResult, partly_known, run_of_log
@@ -254,6 +254,12 @@ def predict(question: Question, seeds: int, experiment: Experiment | None = None
     """
     case = experiment or question.experiment
     runs = _closed_loop(case, question.law, seeds)
+    if any(len(run.time) < 2 for run in runs):
+        start = ", ".join(f"{value:.3g}" for value in case.x0)
+        raise ArgumentError(
+            f"{question.log.name}: a run from the start of the log, x0 = ({start}), ends in its "
+            "first step: see whether its numbers are those of the machine, and their units"
+        )
     logs = [_log_of(run, question.log) for run in runs]
 
     quantities = _quantities(question.experiment, question.log, question.law)
@@ -298,7 +304,7 @@ def _log_of(run: Trajectory, like: Log) -> Log:
     timestep = float(run.time[1])
     rows = steps_to(like.time, timestep).clip(0, len(run.seen) - 1)
     names = [state.name for state in run.system.states]
-    commands = run.input.reshape(len(run.input), -1)
+    commands = as_rows(run.input)
     return replace(
         like,
         inputs=commands[rows],

@@ -68,7 +68,9 @@ def kalman_gain(
     C = np.eye(len(A))[measured]
     noise = np.diag(variances)
     try:
-        P = scipy.linalg.solve_discrete_are(A.T, C.T, load**2 * B @ B.T, noise)
+        # Its balancing overflows where noise and load are too far apart.
+        with np.errstate(all="ignore"):
+            P = scipy.linalg.solve_discrete_are(A.T, C.T, load**2 * B @ B.T, noise)
     except (np.linalg.LinAlgError, ValueError, OverflowError) as error:
         raise GainError(
             "kalman: no steady filter: what has a [[sensor]] does not determine the other states; "

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from grosmc_mj.arrays import Array
+from grosmc_mj.arrays import Array, as_rows
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.errors import ArgumentError
 from grosmc_mj.requirements.conditions import Conditions
@@ -63,7 +63,7 @@ class SaturatedForLessThan(Requirement):
 
     def of_record(self, run: Trajectory, law: Controller, conditions: Conditions) -> float:
         """Return the longest time over all inputs."""
-        commands = run.command.reshape(len(run.command), -1)
+        commands = as_rows(run.command)
         at_limit = conditions.at_limit(commands)
 
         longest = 0

@@ -11,7 +11,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.errors import ArgumentError
-from grosmc_mj.units import Unit
+from grosmc_mj.units import LARGEST, Unit
 
 
 @dataclass(frozen=True)
@@ -56,6 +56,8 @@ class Number(Expression):
             return cls(None, 0.0)
         if not math.isfinite(value):
             raise ArgumentError("has a number that is not finite")
+        if abs(value) > LARGEST:
+            raise ArgumentError(f"has {value:g}, which is too large: write {LARGEST:g} at most")
         read = Unit.of(unit)
         return cls(read, value * read.factor)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from grosmc_mj.arrays import Array
+from grosmc_mj.arrays import Array, as_rows
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.plants import Plant
 from grosmc_mj.requirements.conditions import Conditions
@@ -69,7 +69,7 @@ class MeasuredRun:
     @property
     def commands(self) -> Array:
         """Inputs that the law asked for, (N, m); a trajectory of one input has no axis for it."""
-        return self.trajectory.command.reshape(len(self.trajectory.command), -1)
+        return as_rows(self.trajectory.command)
 
     @property
     def demanded(self) -> Array:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grosmc_mj.arrays import Array
+from grosmc_mj.arrays import Array, as_rows
 from grosmc_mj.control.controller import Controller
 from grosmc_mj.requirements.accumulator import Rows, replay
 from grosmc_mj.requirements.measurement import NO_WINDOWS, Measurement, Windows
@@ -172,13 +172,13 @@ def metrics_of_record(
     intervals = len(run.time) - 1
     s = np.zeros((intervals, 0))
     if run.sliding is not None:
-        s = run.sliding.reshape(intervals, -1)
+        s = as_rows(run.sliding)
     rows = Rows(
         time=run.time,
         z=comparison.z,
         x=run.state,
-        u=run.input.reshape(intervals, -1),
-        v=run.weighed.reshape(intervals, -1),
+        u=as_rows(run.input),
+        v=as_rows(run.weighed),
         s=s,
     )
     # The input of a record is limited already.

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from grosmc_mj.arrays import as_rows
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.results.tables import markdown_table, number, numbers, words
 
@@ -63,7 +64,7 @@ def compared(run: RunResult) -> Rival:
     if run.ended:
         remaining = math.inf
 
-    u = trajectory.input.reshape(len(trajectory.input), -1)
+    u = as_rows(trajectory.input)
     variation = np.linalg.norm(np.diff(u, axis=0), axis=1).sum()
     return Rival(
         system=run.case.name,

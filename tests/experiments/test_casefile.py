@@ -97,8 +97,8 @@ PRODUCTS = {
 CONVERTED = [*PRODUCTS.items(), *((name, base) for name, (_, base) in _COMMON.items())]
 
 
-# Beyond, a factor leads out of all numbers.
-@given(st.floats(-1e300, 1e300), st.sampled_from(CONVERTED))
+# Beyond, a factor leads out of the numbers that are read.
+@given(st.floats(-1e90, 1e90), st.sampled_from(CONVERTED))
 def test_common_units_convert_as_pint_does(number: float, units: tuple[str, str]) -> None:
     text, unit = units
     converted = float(_registry().Quantity(number, text).to(unit).magnitude)

@@ -21,12 +21,49 @@ from case_texts import (
     SERVO,
     STEP,
     load,
+    short_step,
     written,
 )
 
 from grosmc_mj import cli
+from grosmc_mj.assumptions.notes import notes_on
 from grosmc_mj.errors import MISTAKE_SEPARATOR, ArgumentError, GrosmcError
 from grosmc_mj.experiments.experiment import Experiment
+
+# Numbers that are finite, and whose products are not.
+TOO_LARGE = [
+    '[[disturbance]]\ninput = "current"\namplitude = "1e308 A"\n',
+    '[[disturbance]]\nbody = "rotor"\ntorque = ["1e308 N m", "0 N m", "0 N m"]\n',
+    '[[edit]]\nbody = "rotor"\nmass_scale = 1e308\n',
+    '[[edit]]\njoint = "shaft"\ndamping = 1e308\n',
+    '[[actuator]]\nof = "current"\ngain = 1e308\n',
+    '[[uncertain]]\nbody = "rotor"\nmass_scale = [1, 1e308]\n',
+    '[[requirement]]\nalways = "abs(rotor angle) < 1e308 rad"\n',
+    '[[requirement]]\nstays_within = "1e308 rad"\n',
+    '[[sensor]]\nof = "rotor angle"\nbias = "-1e308 rad"\n',
+]
+
+
+@pytest.mark.parametrize("table", TOO_LARGE)
+def test_a_number_whose_square_is_infinite_is_refused_where_it_enters(tmp_path, table) -> None:
+    with pytest.raises(ArgumentError, match=r"1e\+?308.* is too large: write 1e\+100 at most"):
+        load(tmp_path, f"{short_step()}{table}").checked()
+
+
+@pytest.mark.parametrize("plant", ["physics", "corrected"])
+@pytest.mark.parametrize("amplitude", ["1e20 A", "-1e99 A"])
+def test_a_run_that_ends_in_its_first_step_fails_its_requirements(
+    tmp_path, plant, amplitude
+) -> None:
+    load_of_input = f'[[disturbance]]\ninput = "current"\namplitude = "{amplitude}"\n'
+    table = '[[requirement]]\nstays_within = "1 rad"\nalways = "abs(current) < 9 A"\n'
+    case = load(tmp_path, f"{short_step(plant=plant)}{load_of_input}{table}")
+    result = case.run(plant, "lqr")
+    assert len(result.trajectory.time) == 1
+    assert [item.kept for item in result.requirements] == [False, False]
+    # The notes look at the loads of the run, of which there is no row.
+    assert all(isinstance(line, str) for line in notes_on(result.case, [result]))
+
 
 # A part of a sound text, the mistake in its place, and words of the line.
 ARMS = [

@@ -18,14 +18,12 @@ from typing import Any, NamedTuple
 import sympy as sp
 
 from grosmc_mj.errors import ArgumentError, value_text
-from grosmc_mj.units import number_in
+from grosmc_mj.units import LARGEST, number_in
 
 # Characters of a formula, its parts, and the depth of their nesting.
 _LONGEST = 1000
 _MOST_PARTS = 200
 _DEEPEST = 40
-# Magnitude of a number.
-_LARGEST = 1e100
 # Product of the exponents that stand on each other in a part.
 _LARGEST_POWER = 64.0
 # A number in an exponent that has a symbol in it.
@@ -179,16 +177,16 @@ class _Builder:
         # A division by a step, say.
         if part.exact.has(sp.zoo, sp.nan):
             raise ValueError
-        if abs(part.value or 0.0) > _LARGEST:
-            raise _NoFormulaError(f"has a number beyond {_LARGEST:g}")
+        if abs(part.value or 0.0) > LARGEST:
+            raise _NoFormulaError(f"has a number beyond {LARGEST:g}")
         return part
 
     def _built(self, node: ast.AST, depth: int) -> _Part:
         """Return a node as a part without checking its size."""
         match node:
             case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
-                if abs(float(value)) > _LARGEST:
-                    raise _NoFormulaError(f"has a number beyond {_LARGEST:g}")
+                if abs(float(value)) > LARGEST:
+                    raise _NoFormulaError(f"has a number beyond {LARGEST:g}")
                 return _Part(sp.sympify(value, strict=True))
             case ast.Name(id=name) if name in self._symbols:
                 return _Part(self._symbols[name])
