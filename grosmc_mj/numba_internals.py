@@ -10,6 +10,7 @@ is taken from numba itself.
 | ``FunctionIdentity._unique_ids`` | numbers of compiled functions, which numba links by |
 | ``_Cache``, ``IndexDataCacheFile``, ``CompileResult`` | a disk cache with keys of our own |
 | ``CFunc``, its ``_cache`` and a dispatcher's | ``cfunc`` and ``njit`` take numba's cache only |
+| ``CPUDispatcher`` | ``njit`` compiles nothing under ``NUMBA_DISABLE_JIT`` |
 | ``_defn`` of an intrinsic | its generator is a part of a fingerprint |
 | ``targetoptions`` of a dispatcher | a user's helper checks its indices after ``njit`` |
 | ``lower_builtin``, llvmlite's ``add_symbol`` | ``x ** 3`` rounds as in Python |
@@ -36,6 +37,7 @@ from numba.core.caching import IndexDataCacheFile, _Cache
 from numba.core.ccallback import CFunc
 from numba.core.compiler import CompileResult
 from numba.core.imputils import lower_builtin
+from numba.core.registry import CPUDispatcher
 from numba.np.arrayobj import make_array, np_cfarray
 
 __all__ = [
@@ -185,8 +187,12 @@ def c_function(
 
 
 def python_function(function: Callable[..., Any], cache: DiskCache | None) -> Any:
-    """Make a function that Python calls, and that numba compiles for the types of each call."""
-    compiled: Any = numba.njit(function)
+    """Make a function that Python calls, and that numba compiles for the types of each call.
+
+    It is compiled under ``NUMBA_DISABLE_JIT``, too, with which ``numba.njit`` would return the
+    function itself: that cannot read the fields of a structure.
+    """
+    compiled: Any = CPUDispatcher(function, targetoptions={"nopython": True})
     if cache is not None:
         compiled._cache = cache
     return compiled

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, GrosmcError
+from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.replay import Predictor
@@ -83,6 +83,9 @@ def prediction_errors(
             rung.require_speeds(log)
             starts = fitted_starts(predictor.leads, rung)
             (states,) = predictor.states([rung], [starts])
+        except SetupError:
+            # No rung would run here.
+            raise
         except GrosmcError as error:
             notes.append(f"{name} cannot follow the log: {error}")
             continue

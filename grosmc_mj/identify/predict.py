@@ -233,7 +233,7 @@ def _start(experiment: Experiment, log: Log, logged_delay: float) -> Array:
     plant = experiment.plant(experiment.nominal.truest)
     model = LogModel(plant, replayed, experiment.disturbances)
 
-    timestep = plant.step_length or experiment.settings.timestep
+    timestep = _timestep(experiment)
     horizon = min(10 * _LEAD, float(log.time[-1]))
     leads = Predictor.leading(_after_rest(log, model.delay), horizon, timestep).leads
     first = replace(leads, windows=leads.windows[:1])
@@ -251,16 +251,14 @@ def predict(question: Question, seeds: int, experiment: Experiment | None = None
 
     Raises:
         GrosmcError: If the law fails.
+        ArgumentError: If no run gets beyond its first step.
     """
     case = experiment or question.experiment
     runs = _closed_loop(case, question.law, seeds)
-    if any(len(run.time) < 2 for run in runs):
-        start = ", ".join(f"{value:.3g}" for value in case.x0)
-        raise ArgumentError(
-            f"{question.log.name}: a run from the start of the log, x0 = ({start}), ends in its "
-            "first step: see whether its numbers are those of the machine, and their units"
-        )
-    logs = [_log_of(run, question.log) for run in runs]
+    if all(len(run.time) == 1 for run in runs):
+        raise ArgumentError(_no_step_words(case, question.log))
+    timestep = _timestep(case)
+    logs = [_log_of(run, question.log, timestep) for run in runs]
 
     quantities = _quantities(question.experiment, question.log, question.law)
     predicted: dict[str, list[float]] = {name: [] for name in quantities}
@@ -298,10 +296,26 @@ def _closed_loop(experiment: Experiment, law: str, seeds: int) -> Sequence[Traje
     return [batch[number] for number in range(seeds)]
 
 
-def _log_of(run: Trajectory, like: Log) -> Log:
+def _no_step_words(experiment: Experiment, log: Log) -> str:
+    """Message of runs that end in their first step."""
+    start = []
+    for state, value in zip(experiment.nominal.system.states, experiment.x0, strict=True):
+        start.append(f"{state.name} {value:.4g} {state.unit}".rstrip())
+    return (
+        f"{log.name}: every predicted run ends in its first step, from {', '.join(start)}: check "
+        "the units of the log, or give the run another start"
+    )
+
+
+def _timestep(experiment: Experiment) -> float:
+    """Return the timestep of the runs of an experiment [s]."""
+    plant = experiment.plant(experiment.nominal.truest)
+    return plant.step_length or experiment.settings.timestep
+
+
+def _log_of(run: Trajectory, like: Log, timestep: float) -> Log:
     """Return the log of a simulated run: what its sensors told at the instants of another log."""
     assert run.seen is not None
-    timestep = float(run.time[1])
     rows = steps_to(like.time, timestep).clip(0, len(run.seen) - 1)
     names = [state.name for state in run.system.states]
     commands = as_rows(run.input)

@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 
 from grosmc_mj.comparison.comparison import compare
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.measured import run_of_log
 from grosmc_mj.identify.law_on_log import LawOnLog, law_on_log
 from grosmc_mj.identify.leave_out import FITTED_MASSES, without_each
 from grosmc_mj.identify.predict import Prediction, Question, deciding, predict, question_of
@@ -18,6 +20,7 @@ from grosmc_mj.identify.predict_report import _deciding_words, prediction_result
 from grosmc_mj.logs.log import Log
 from grosmc_mj.loop import Loop
 from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.requirements.accumulator import _noting_rows
 from grosmc_mj.results.document import json_text
 
 CASE = """
@@ -139,6 +142,19 @@ def test_a_law_is_not_asked_on_states_that_it_did_not_have(machine: Experiment) 
         found(machine, replace(log, time=2 * log.time))
 
 
+def test_a_log_is_judged_without_compiled_code_to_debug(
+    machine: Experiment, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Compilation is off: numbers of a log are those with it, and a prediction says why not."""
+    log = log_of(machine)
+    judged = run_of_log(machine, log, "lqr", tmp_path / "log.csv").metrics
+    monkeypatch.setattr(numba.config, "DISABLE_JIT", 1)
+    _noting_rows.cache_clear()
+    assert run_of_log(machine, log, "lqr", tmp_path / "log.csv").metrics == judged
+    with pytest.raises(SetupError, match="NUMBA_DISABLE_JIT is set"):
+        question_of(machine, "lqr", log, log)
+
+
 # -- what is left out ------------------------------------------------------------------------------
 
 
@@ -204,6 +220,13 @@ def test_a_run_of_the_machine_lies_within_the_spread_of_its_predictions(
     assert required_inside(complete)
     # An encoder of 1 mrad, and noise of the velocity: the runs differ by little.
     assert complete.misfits.max() < 5e-3
+
+
+def test_a_start_from_which_no_run_gets_on_is_refused(question: Question) -> None:
+    """As of a log whose angle counts 1e14 for a radian."""
+    far = question.experiment.varied(x0=(-1e14, 1e17))
+    with pytest.raises(ArgumentError, match="every predicted run ends in its first step, from ro"):
+        predict(question._replace(experiment=far), 2)
 
 
 def test_without_its_friction_the_machine_is_another_one(question: Question) -> None:
