@@ -47,8 +47,12 @@ def write_case(fit: Fit, log: str, path: Path) -> None:
     for quantity, value, _ in fit.estimates:
         run_value = quantity.as_run(value, settings.timestep, settings.control_period)
         _set(content, quantity, run_value, experiment)
-    content["uncertain"] = _uncertain_tables(fit, content.get("uncertain", []))
-    content["correlation"] = _correlation_tables(fit)
+    kept = _kept_tables(fit, content.get("uncertain", []))
+    content["uncertain"] = [*kept.values(), *_fitted_tables(fit)]
+    content["correlation"] = [
+        *(table for table in content.get("correlation", []) if kept.keys() >= {*table["between"]}),
+        *_correlation_tables(fit),
+    ]
 
     with atomic_write(path) as part:
         part.write_text(
@@ -82,12 +86,31 @@ def _can_have(fit: Fit, name: PlantName) -> bool:
     return True
 
 
-def _uncertain_tables(fit: Fit, declared: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The [[uncertain]] tables of numbers that are no parameters, then those that are fitted."""
-    names = fit.parameters.names
-    uncertain = zip(declared, fit.parameters.experiment.file.uncertain, strict=False)
-    tables = [table for table, number in uncertain if number.called not in names]
+def _kept_tables(fit: Fit, declared: Sequence[dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """The [[uncertain]] tables of numbers that are not fitted, by their names.
 
+    A number that was held is as uncertain as before.
+    """
+    names = set()
+    fitted = set()
+    for quantity, _, half in fit.estimates:
+        if half is not None:
+            names.add(quantity.name)
+            # A number that --fit named by its path may have a name of its own in the file.
+            fitted.add((quantity.owner, quantity.of, quantity.quantity, quantity.at))
+
+    kept = {}
+    numbers = fit.parameters.experiment.file.uncertain
+    for table, number in zip(declared, numbers, strict=True):
+        place = (number.owner, number.of, number.quantity, tuple(number.at))
+        if number.called not in names and place not in fitted:
+            kept[number.called] = table
+    return kept
+
+
+def _fitted_tables(fit: Fit) -> list[dict[str, Any]]:
+    """The [[uncertain]] tables of the numbers that are fitted."""
+    tables = []
     deviations = iter(np.sqrt(np.diag(fit.covariance)).tolist())
     for quantity, value, half in fit.estimates:
         if half is None:

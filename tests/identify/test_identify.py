@@ -366,6 +366,26 @@ def test_an_identified_case_has_the_distribution_of_its_fit(found: Fit, tmp_path
     assert upper[0] - found.values[0] == pytest.approx(found.covariance[0, 0] ** 0.5, rel=1e-3)
 
 
+def test_a_number_that_was_held_stays_as_uncertain_as_declared(found: Fit, tmp_path: Path) -> None:
+    """The log showed mass and delay, and not the damping."""
+    shown = np.array([0, 2])
+    held = replace(
+        found,
+        fitted=np.array([True, False, True]),
+        values=np.where([True, False, True], found.values, found.parameters.nominal),
+        covariance=found.covariance[np.ix_(shown, shown)],
+        half=found.half[shown],
+    )
+    path = tmp_path / "identified.toml"
+    write_case(held, "a log", path)
+
+    family = Campaign.of(specification_of(str(path), runs=4)).family
+    damping = next(number for number in family.quantities if number.name == "shaft damping")
+    assert len(family.quantities) == 3
+    assert damping.distribution.support == (0.0005, 0.1)
+    assert damping.nominal == found.parameters.nominal[1]
+
+
 MASS = '{ body = "rotor", mass_scale = [0.3, 4] }'
 ARMATURE = '{ joint = "shaft", armature = [0, 0.1] }'
 DAMPING = '{ joint = "shaft", damping = [0.001, 0.1] }'
