@@ -91,20 +91,48 @@ def atomic_write(path: Path) -> Iterator[Path]:
             part.unlink(missing_ok=True)
 
 
-def require_writable(path: Path) -> None:
-    """Refuse a path where no file can be written, before the work that is to fill it.
+def write_whole(path: Path, text: str) -> None:
+    """Write a text to a file, whole or not at all; raises as ``atomic_write``."""
+    with atomic_write(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def require_writable(*paths: Path) -> None:
+    """Refuse paths where no file can be written, before the work that is to fill them.
 
     Raises:
-        SetupError: If the folder cannot be made or written, or the path is no regular file.
+        SetupError: If a folder cannot be made or written, or a path is no regular file.
     """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if path.exists() and not path.is_file():
-            raise FileExistsError(errno.EEXIST, "is a folder, a device, a pipe or a socket")
-        with tempfile.TemporaryFile(dir=path.parent):
-            pass
-    except OSError as error:
-        raise cannot_write(path, error) from error
+    for path in paths:
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if path.exists() and not path.is_file():
+                raise FileExistsError(errno.EEXIST, "is a folder, a device, a pipe or a socket")
+            with tempfile.TemporaryFile(dir=path.parent):
+                pass
+        except OSError as error:
+            raise cannot_write(path, error) from error
+
+
+def require_folder(folder: Path) -> None:
+    """Refuse a folder that cannot be made or written; it is not made.
+
+    Raises:
+        SetupError: If it is a file, lies below one, or may not be written.
+    """
+    # The folder itself or, before it is made, the one that it will lie in.
+    for place in (folder, *folder.parents):
+        try:
+            mode = place.stat().st_mode
+        except (FileNotFoundError, NotADirectoryError):
+            continue
+        except OSError as error:
+            raise cannot_write(folder, error) from error
+        if not stat.S_ISDIR(mode):
+            raise SetupError(f"{place} is a file, and a folder is needed: name another one")
+        if not os.access(place, os.W_OK | os.X_OK):
+            raise cannot_write(folder, PermissionError(errno.EACCES, os.strerror(errno.EACCES)))
+        return
 
 
 def _is_from_writing(part: Path, error: OSError) -> bool:

@@ -84,6 +84,21 @@ class Command:
         """True if the command needs MuJoCo."""
         return True
 
+    def require_outputs(self) -> None:
+        """Refuse places of results where nothing can be written, before all work.
+
+        Raises:
+            SetupError: If the folder or the file that an option names cannot be written.
+        """
+        from grosmc_mj.files import require_folder
+
+        folder = getattr(self, "out", None)
+        if folder is not None:
+            require_folder(folder)
+        file = getattr(self, "output", None)
+        if file is not None:
+            require_folder(file.parent)
+
     def execute(self) -> int:
         """Carry out the command.
 

@@ -59,6 +59,7 @@ def execute(arguments: Sequence[str]) -> int:
     command = parse(arguments)
     if command is None:
         return DONE
+    command.require_outputs()
     if not command.simulates:
         return command.execute()
 

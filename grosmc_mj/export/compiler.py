@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
+import os
 import shutil
+import signal
 import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,6 +16,7 @@ from grosmc_mj.arrays import Array
 from grosmc_mj.errors import SetupError, one_line
 from grosmc_mj.export.law import LawInC
 from grosmc_mj.export.templates import rendered
+from grosmc_mj.files import write_whole
 
 # As strict as a reviewer's build; -ffp-contract=off is for compilers that read no pragma.
 FLAGS = (
@@ -24,6 +28,8 @@ FLAGS = (
     "-O2",
     "-ffp-contract=off",
 )
+# Longest time that a compiler has [s]; a law takes below one.
+LONGEST_COMPILATION = 60.0
 _COMPILERS = ("cc", "gcc", "clang")
 
 
@@ -97,11 +103,15 @@ def _pointers(*arrays: Array) -> list[ctypes.c_void_p]:
 
 
 def write_law(law: LawInC, folder: Path) -> tuple[Path, Path]:
-    """Write NAME.h and NAME.c into a folder, and return their paths."""
+    """Write NAME.h and NAME.c into a folder, and return their paths.
+
+    Raises:
+        SetupError: If one of them cannot be written.
+    """
     header = folder / f"{law.name}.h"
     source = folder / f"{law.name}.c"
-    header.write_text(law.header, encoding="utf-8")
-    source.write_text(law.source, encoding="utf-8")
+    write_whole(header, law.header)
+    write_whole(source, law.source)
     return header, source
 
 
@@ -127,7 +137,54 @@ def compile_law(
     library = folder / f"{law.name}.so"
     source = folder / f"{law.name}.c"
     command = [compiler, *flags, "-fPIC", "-shared", source, call, "-o", library, "-lm"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise SetupError(f"{compiler} does not compile {source}: {one_line(done.stderr)}")
-    return CompiledLaw(ctypes.CDLL(str(library)))
+    words = _refusal_of_compiler(command)
+    if words:
+        raise SetupError(f"{compiler} {words}")
+    try:
+        return CompiledLaw(ctypes.CDLL(str(library)))
+    except OSError as error:
+        raise SetupError(f"{compiler} made no library that loads: {one_line(str(error))}") from None
+
+
+def _refusal_of_compiler(command: Sequence[str | Path]) -> str:
+    """Run a compiler; return why there is no library, empty if there is one."""
+    try:
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+            errors="replace",
+            # A group of its own: what it starts, such as an assembler, is stopped with it.
+            start_new_session=True,
+        )
+    except OSError as error:
+        return f"cannot be started: {error.strerror or error}"
+    try:
+        complaints = _complaints_in_time(process)
+    except subprocess.TimeoutExpired:
+        return (
+            f"was stopped after {LONGEST_COMPILATION:g} s: mend it, or take it from PATH to write "
+            "the law without a proof"
+        )
+    if process.returncode:
+        return f"does not compile the law: {one_line(complaints)}"
+    return ""
+
+
+def _complaints_in_time(process: subprocess.Popen[str]) -> str:
+    """Wait for a compiler, and return its messages; it is stopped after the time that it has.
+
+    Raises:
+        TimeoutExpired: If it was stopped.
+    """
+    try:
+        _, complaints = process.communicate(timeout=LONGEST_COMPILATION)
+    except BaseException:
+        # Also after Ctrl-C, which a group of its own does not get.
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        raise
+    return complaints

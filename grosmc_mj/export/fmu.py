@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from grosmc_mj.export.law import LawInC
 from grosmc_mj.export.templates import rendered
+from grosmc_mj.files import atomic_write
 from grosmc_mj.versions import versions
 
 
@@ -53,7 +54,7 @@ def write_fmu(law: LawInC, x0: Sequence[float], folder: Path) -> Path:
         f"sources/{law.name}.h": law.header,
     }
     path = folder / f"{law.name}.fmu"
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+    with atomic_write(path) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, text in files.items():
             archive.writestr(name, text)
     return path

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from grosmc_mj.errors import SetupError
+from grosmc_mj.files import write_whole
 
 
 def replace_marked(page: Path, name: str, make: Callable[[], str]) -> None:
@@ -28,4 +29,4 @@ def replace_marked(page: Path, name: str, make: Callable[[], str]) -> None:
     if not (begin_found and end_found):
         raise SetupError(f"{page} has no {begin} ... {end}")
 
-    page.write_text(f"{before}{begin}\n{make()}\n{end}{after}", encoding="utf-8")
+    write_whole(page, f"{before}{begin}\n{make()}\n{end}{after}")

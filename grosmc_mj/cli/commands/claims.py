@@ -14,6 +14,7 @@ from grosmc_mj.cli.command import OUTPUT, Command, Flag, Out, command
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.targets import CASES
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.files import require_writable
 
 if TYPE_CHECKING:
     from grosmc_mj.chapter.claims.claim import Claim, Finding
@@ -54,12 +55,16 @@ class JudgeCommand(Command):
         from grosmc_mj.chapter.claims.results import claims_result
 
         self._refuse_page()
+        claims = select_claims(self.target)
+        path = self.out / "claims.json"
+        if claims[0].id == self.target:
+            path = self.out / f"claims/{self.target}.json"
+        require_writable(path)
         lab = _run_cache()
-        findings = judge_with_progress(lab, select_claims(self.target))
+        findings = judge_with_progress(lab, claims)
         differences = [f"differs: {line}" for line in verdict_differences(findings)]
         result = claims_result(findings, lab.settings, differences)
         if findings[0].claim.id == self.target:
-            path = self.out / f"claims/{self.target}.json"
             picture = path.with_suffix(".png")
             screen.say_result(
                 result,
@@ -68,7 +73,7 @@ class JudgeCommand(Command):
                 full=self.verbose,
             )
         else:
-            screen.say_result(result, self.out / "claims.json", full=self.verbose)
+            screen.say_result(result, path, full=self.verbose)
 
         if self.page is not None:
             screen.say_files(screen.console(), *write_page(findings, lab, self.page))
@@ -110,12 +115,13 @@ class SweepCommand(Command):
         if self.record and self.target:
             raise ArgumentError(f"--record keeps the sweeps of all claims: leave out {self.target}")
 
+        path = STORED if self.record else self.out / "sweeps.json"
+        require_writable(path)
         lab = _run_cache()
         claims = select_claims(self.target)
         with screen.progress(len(claims), "claims") as advance:
             sweeps = list(sweep(lab, claims, advance))
 
-        path = STORED if self.record else self.out / "sweeps.json"
         screen.say_result(sweeps_result(sweeps, lab.settings), path, full=self.verbose)
         return DONE
 
@@ -153,8 +159,9 @@ class PremisesCommand(Command):
         if without_loop:
             experiments = without_loop
 
-        audits = [audit_of(lab, experiment, self.laws) for experiment in experiments]
         path = self.out / f"premises_{experiments[0].system}.json"
+        require_writable(path)
+        audits = [audit_of(lab, experiment, self.laws) for experiment in experiments]
         screen.say_result(premises_result(audits, lab.settings), path, full=self.verbose)
         return DONE
 

@@ -14,6 +14,7 @@ from grosmc_mj.cli.command import Command, Flag, Out, Target, WholeNumber, comma
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.targets import result_name, shown_experiment
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.files import name_in_files, require_writable
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
@@ -73,17 +74,19 @@ class ExportCommand(Command):
             raise ArgumentError(f"--plants {self.plants} must not be below 0")
         experiment = shown_experiment(self.target)
         law = self._exported(experiment)
+        path = self.out / f"export_{law.name}.json"
+        suffixes = [".h", ".c", *[".fmu"] * self.fmu]
+        require_writable(path, *[self.out / f"{law.name}{suffix}" for suffix in suffixes])
         proof = self._proof(experiment, law)
 
         proven = NOT_PROVEN if proof is None else proof.words
         law = replace(law, about=about(experiment, law.controller, proven, law.real))
-        self.out.mkdir(parents=True, exist_ok=True)
         files = [*write_law(law, self.out)]
         if self.fmu:
             files.append(write_fmu(law, experiment.x0, self.out))
 
         result = export_result(experiment, law, proof)
-        screen.say_result(result, self.out / f"export_{law.name}.json", full=self.verbose)
+        screen.say_result(result, path, full=self.verbose)
         screen.say_files(screen.console(), *files)
         return _exit_code(law, proof)
 
@@ -95,7 +98,6 @@ class ExportCommand(Command):
         """
         from grosmc_mj.export.c_text import c_name
         from grosmc_mj.export.law import LawInC
-        from grosmc_mj.files import name_in_files
 
         controller = experiment.law(experiment.nominal.truest, self.law)
         name = f"{result_name(experiment.path)}_{name_in_files(self.law)}"

@@ -25,6 +25,7 @@ from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.films import FOLDER, write_with_progress
 from grosmc_mj.cli.targets import result_name, shown_experiment
 from grosmc_mj.errors import ArgumentError, name_list
+from grosmc_mj.files import require_writable
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
@@ -111,6 +112,7 @@ class FilmCommand(Command):
         path = self.output
         if path is None:
             path = Path("renders") / FOLDER / f"{result_name(experiment.path)}.mp4"
+        require_writable(path)
         plant = _filmed_plant(experiment)
         results = [experiment.run(plant, law) for law in laws]
         console = screen.console()

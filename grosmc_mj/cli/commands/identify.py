@@ -14,6 +14,7 @@ from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.films import write_film_of_log
 from grosmc_mj.cli.targets import result_name
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.files import require_writable
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
@@ -94,6 +95,11 @@ class IdentifyCommand(_OfLog):
         if not 0 < self.hold_out < 0.9:
             raise ArgumentError(f"--hold-out {self.hold_out:g} must be above 0 and below 0.9")
         experiment, log = self._read()
+        path = self._path("identification", experiment)
+        figure = path.with_suffix(".png")
+        # The case file has a name of its own: a run of it writes results of that name.
+        case_file = self._path("identify", experiment).with_suffix(".toml")
+        require_writable(path, figure, case_file)
         parameters = parameters_of(experiment, self.fit)
         plant = experiment.plant(experiment.nominal.truest)
         timestep = experiment.settings.timestep
@@ -112,13 +118,9 @@ class IdentifyCommand(_OfLog):
         result = identification(
             best, rows, predicted, log.name, self.horizon, self.hold_out, doubts
         )
-        path = self._path("identification", experiment)
         screen.say_result(result, path, full=self.verbose)
 
-        figure = path.with_suffix(".png")
         draw_residuals(errors, held_out.log, plant.system, figure)
-        # The case file has a name of its own: a run of it writes results of that name.
-        case_file = self._path("identify", experiment).with_suffix(".toml")
         write_case(best, log.name, case_file)
         screen.say_files(screen.console(), figure, case_file)
         return DONE
@@ -165,6 +167,8 @@ class CompareCommand(_OfLog):
         from grosmc_mj.identify.pushes import unexplained_moments
 
         experiment, log = self._read()
+        path = self._path("compare", experiment)
+        require_writable(path)
         rungs = models_of(experiment)
         film = None
         if self.film:
@@ -176,7 +180,6 @@ class CompareCommand(_OfLog):
         followed = [rungs[name] for name in dict.fromkeys(row.rung for row in rows)]
         pushes = unexplained_moments(followed, log, self.horizon, timestep)
         notes = [*log.notes, *notes, *pushes]
-        path = self._path("compare", experiment)
         result = comparison_result(rows, notes, log, experiment, self.horizon)
         screen.say_result(result, path, full=self.verbose)
         if film is not None:

@@ -15,6 +15,7 @@ from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.films import FOLDER, write_film_of_log
 from grosmc_mj.cli.targets import result_name
 from grosmc_mj.errors import ArgumentError
+from grosmc_mj.files import require_writable
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
@@ -118,11 +119,12 @@ class PredictCommand(Command):
         if self.film:
             film_of = filmable(experiment.plant(experiment.nominal.truest), question.log)
 
-        complete, lesser = self._predictions(question)
-        result = prediction_result(question, complete, lesser, self._configuration(question))
         name = f"predict_{result_name(experiment.path)}_{name_of_log(log)}"
         path = self.out / f"{name}.json"
         figure = path.with_suffix(".png")
+        require_writable(path, figure)
+        complete, lesser = self._predictions(question)
+        result = prediction_result(question, complete, lesser, self._configuration(question))
         screen.say_result(
             result,
             path,

@@ -25,7 +25,7 @@ from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.films import FOLDER, film_runs
 from grosmc_mj.cli.targets import result_name
 from grosmc_mj.errors import ArgumentError, GrosmcError
-from grosmc_mj.files import name_in_files
+from grosmc_mj.files import name_in_files, require_writable
 
 if TYPE_CHECKING:
     from grosmc_mj.assumptions.audit import Audit
@@ -115,6 +115,7 @@ class RunCommand(Command):
         name = "_".join([result_name(experiment.path), *map(name_of_log, self.log)])
         measured = self._measured(experiment)
         path = self.out / f"{name}.json"
+        require_writable(path)
         results: list[RunResult] = []
         premises: Sequence[Audit] = ()
         try:

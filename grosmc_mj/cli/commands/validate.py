@@ -17,6 +17,7 @@ from grosmc_mj.cli.commands.report import REPORT, report_on
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.films import film_results
 from grosmc_mj.cli.targets import recorded_experiments
+from grosmc_mj.files import require_writable
 
 if TYPE_CHECKING:
     from grosmc_mj.chapter.claims.claim import Claim
@@ -63,6 +64,7 @@ class ValidateCommand(Command):
         from grosmc_mj.chapter.validation import Validation
 
         start = time.perf_counter()
+        require_writable(self._path)
         experiments = self._selected()
         done = Validation(experiments)
         claims = self._claims(done)
@@ -109,11 +111,16 @@ class ValidateCommand(Command):
         complete = [system for system in _systems(done) if _has_all_cases(done, system)]
         return [claim for claim in CLAIMS if claim.system in complete]
 
+    @property
+    def _path(self) -> Path:
+        """Path of the result."""
+        return self.out / "validation.json"
+
     def _write(self, done: Validation) -> None:
         """Write the results and the curves of each case, and print the answer."""
         from grosmc_mj.experiments.curves import write_curves
 
-        screen.say_result(done.result(), self.out / "validation.json", full=self.verbose)
+        screen.say_result(done.result(), self._path, full=self.verbose)
         for key in dict.fromkeys(result.case.key for result in done.results):
             results = [result for result in done.results if result.case.key == key]
             case = results[0].case
