@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-from types import FunctionType
+import math
+from pathlib import Path
+from types import FunctionType, ModuleType
 from typing import Any, TypeVar, cast
 
+import numpy as np
 from numba.extending import overload, register_jitable
 
 from grosmc_mj.numba_internals import check_indices
@@ -39,6 +42,7 @@ def jitable(function: Function) -> Function:
 
     Compiled code checks every index of a user's function, as Python does: a wrong index would
     read foreign memory. The package's own functions are tested, and not slowed down by checks.
+    Functions of the user's own that it calls need no decorator: they are registered, too.
 
     Returns:
         The function, or its source if numba has compiled it already.
@@ -48,11 +52,17 @@ def jitable(function: Function) -> Function:
     if not isinstance(function, FunctionType) or function in _registered:
         return function
 
-    if is_users_function(function):
-        _check_helpers(function)
     _registered.add(function)
+    if is_users_function(function):
+        _prepare_helpers(function)
     register_jitable(**_options(function))(function)
     return function
+
+
+@overload(math.fmod, jit_options=cast(Any, OPTIONS), strict=False)
+def _remainder(a: Any, b: Any) -> Any:
+    """Remainder of floats with the sign of the dividend, which numba has of numpy alone."""
+    return lambda a, b: np.fmod(float(a), float(b))
 
 
 def compiled_as(function: Function, other: Any) -> Function:
@@ -86,20 +96,32 @@ def source_of(function: Any) -> Any:
     return getattr(function, "py_func", function)
 
 
-def _check_helpers(function: Any) -> None:
-    """Let the compiled functions that a user's function calls check their indices, too."""
+def _prepare_helpers(function: Any) -> None:
+    """Let compiled code call the functions that a user's function calls, with checked indices."""
     if not hasattr(function, "__code__"):
         return
 
     for helper in _referenced_objects(function):
         source = source_of(helper)
         if is_users_function(source) and check_indices(helper):
-            _check_helpers(source)
+            _prepare_helpers(source)
+        elif isinstance(helper, FunctionType) and _is_own_file(helper):
+            jitable(helper)
+
+
+def _is_own_file(function: FunctionType) -> bool:
+    """Whether a function stands in a file of the user's own: numba knows some installed ones."""
+    folders = Path(function.__code__.co_filename).parts
+    return is_users_function(function) and not {"site-packages", "dist-packages"} & {*folders}
 
 
 def _referenced_objects(function: Any) -> list[Any]:
     """Return the global and enclosed objects that a Python function refers to."""
-    objects = [function.__globals__.get(name) for name in function.__code__.co_names]
+    names = function.__code__.co_names
+    objects = [function.__globals__.get(name) for name in names]
+    for module in objects[:]:
+        if isinstance(module, ModuleType):
+            objects += [getattr(module, name, None) for name in names]
     for cell in function.__closure__ or ():
         # A cell is empty until the enclosing function has bound its variable.
         with contextlib.suppress(ValueError):

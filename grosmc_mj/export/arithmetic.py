@@ -6,6 +6,7 @@ import ast
 import math
 import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from grosmc_mj.export.c_text import LIBRARY, suffix_of
@@ -21,6 +22,7 @@ from grosmc_mj.export.values import (
     UNARY,
     Number,
     is_known,
+    number_in_c,
     union,
 )
 
@@ -57,6 +59,9 @@ OPERATORS: Mapping[type, Operator] = {
 # Operands of comparisons have parentheses around all but sums and products.
 _COMPARED_OPERAND = SUM - 1
 _TO_WHOLE = {int: "{}", math.floor: "floor{suffix}({})", math.ceil: "ceil{suffix}({})"}
+# Bounds of int64_t.
+_LEAST = -(2.0**63)
+_MOST = 2.0**63 - 1
 # Functions of known arguments that are computed now, beside those of the C library.
 _COMPUTED = (float, bool, min, max, *_TO_WHOLE)
 # Smallest or largest of numbers: of Python, of floats and of whole numbers in C.
@@ -65,6 +70,8 @@ _EXTREMES = {min: ("min_", "least_"), max: ("max_", "most_")}
 
 def known_result(function: Callable[..., Any], *arguments: Any) -> Any:
     """Return the value of a function of known arguments.
+
+    What Python raises here it would raise at each sample.
 
     Raises:
         NoCError: If it has none.
@@ -84,7 +91,19 @@ def negative(number: Number) -> Number:
 
 def negation(number: Number) -> Number:
     """Return ``not x``."""
-    return Number(f"!{number.within(UNARY)}", True, UNARY, 0, 1, number.effect)
+    return Number(f"!{truth(number).within(UNARY)}", True, UNARY, 0, 1, number.effect)
+
+
+def truth(number: Number) -> Number:
+    """Return whether a number counts as true; compilers warn of whole numbers as conditions."""
+    if not number.whole or number.is_condition:
+        return number
+    return replace(not_zero(number), effect=number.effect)
+
+
+def not_zero(number: Number) -> Number:
+    """Return ``x != 0``."""
+    return Number(f"{number.within(_COMPARED_OPERAND)} != 0", True, COMPARED - 1, 0, 1)
 
 
 def operation_in_c(op: ast.operator | ast.cmpop, a: Number, b: Number, real: str) -> Number:
@@ -115,12 +134,16 @@ def operation_in_c(op: ast.operator | ast.cmpop, a: Number, b: Number, real: str
         whole = False
 
     sign, level, _ = OPERATORS[type(op)]
+    bounds = (-math.inf, math.inf)
+    if whole:
+        bounds = _bounds(op, a, b)
+        # The sum of two int is an int in C.
+        if a.is_small and b.is_small and not Number("", True, 0, *bounds).is_small:
+            a = replace(a, code=f"(int64_t){a.within(UNARY)}", level=UNARY)
     # Bit operators bind in an order that compilers warn of.
     least = level if level >= SUM else UNARY
     code = f"{a.within(least)} {sign} {b.within(least + 1)}"
-    if not whole:
-        return Number(code, level=level)
-    return Number(code, True, level, *_bounds(op, a, b))
+    return Number(code, whole, level, *bounds)
 
 
 def _bounds(op: ast.operator, a: Number, b: Number) -> tuple[float, float]:
@@ -142,39 +165,46 @@ def _comparison(op: ast.cmpop, a: Number, b: Number) -> Number:
     return Number(code, True, level, 0, 1)
 
 
-def junction(values: Iterable[Any], suffices: bool) -> Any:
-    """Return conditions with ``or``, which a true one decides, or ``and``.
+def junction(values: Iterable[Any], suffices: bool, real: str) -> Any:
+    """Return the operand of ``or`` or ``and`` that decides, as Python gives it.
 
     Args:
-        values: The conditions, known ones and numbers in C.
-        suffices: Truth value that decides.
+        values: The operands, known ones and numbers in C, each taken if those before do not decide.
+        suffices: Truth value of an operand that decides: true for ``or``.
+        real: ``double`` or ``float``.
 
     Raises:
-        NoCError: If several are not known, and one of them is no condition.
+        NoCError: If an operand is no number, and the result is not known.
     """
-    operands: list[Number] = []
+    operands: list[Any] = []
     for value in values:
-        if isinstance(value, Number):
-            operands.append(value)
-        elif bool(value) is suffices:
-            return suffices
-    if not operands:
-        return not suffices
+        # One that does not decide counts if it is the last one.
+        while operands and is_known(operands[-1]):
+            operands.pop()
+        operands.append(value)
+        if is_known(value) and known_result(bool, value) is suffices:
+            break
     if len(operands) == 1:
         return operands[0]
 
-    if not all(number.is_condition for number in operands):
-        raise NoCError("and, or are for conditions: write a comparison")
-    sign = " || " if suffices else " && "
-    # Compilers warn of && beside || without parentheses.
-    code = sign.join(number.within(AND + 1) for number in operands)
-    return Number(code, True, OR if suffices else AND, 0, 1)
+    numbers = [number_in_c(operand, real) for operand in operands]
+    if all(number.is_condition for number in numbers):
+        sign = " || " if suffices else " && "
+        # Compilers warn of && beside || without parentheses.
+        code = sign.join(number.within(AND + 1) for number in numbers)
+        return Number(code, True, OR if suffices else AND, 0, 1)
+
+    result = numbers.pop()
+    while numbers:
+        first = numbers.pop()
+        result = choice(first, first, result) if suffices else choice(first, result, first)
+    return result
 
 
 def choice(test: Number, a: Number, b: Number) -> Number:
     """Return ``a if test else b``."""
     either = union(a, b)
-    code = f"{test.within(OR)} ? {a.within(OR)} : {b.within(CHOICE)}"
+    code = f"{truth(test).within(OR)} ? {a.within(OR)} : {b.within(CHOICE)}"
     return Number(code, either.whole, CHOICE, either.low, either.high)
 
 
@@ -183,13 +213,16 @@ def is_known_call(function: Any, arguments: Sequence[Any]) -> bool:
     return is_known(*arguments) and (function in _COMPUTED or function in LIBRARY)
 
 
-def library_call(function: Any, numbers: Sequence[Number], real: str) -> Number:
+def library_call(
+    function: Any, numbers: Sequence[Number], real: str, undefined: str = ""
+) -> Number:
     """Return a call of a function of Python, math or numpy.
 
     Args:
         function: The function.
         numbers: Its arguments.
         real: ``double`` or ``float``.
+        undefined: Place in memory that is 1 after a sample for which the law is not defined.
 
     Raises:
         NoCError: If C has no such function.
@@ -200,11 +233,14 @@ def library_call(function: Any, numbers: Sequence[Number], real: str) -> Number:
         return _extreme(function, numbers)
     if function is float:
         return _as_real(numbers[0], real)
+    if function is bool:
+        return not_zero(numbers[0])
     if function in _TO_WHOLE:
         if numbers[0].whole:
             return numbers[0]
-        inner = numbers[0].within(UNARY) if function is int else code
-        return Number(f"(int64_t){_TO_WHOLE[function].format(inner, suffix=suffix)}", True, UNARY)
+        inner = _TO_WHOLE[function].format(code, suffix=suffix)
+        # The memory says that there is no such number, an error in Python.
+        return Number(f"whole_({inner}, &{undefined})", True, low=_LEAST, high=_MOST)
     if function not in LIBRARY:
         name = getattr(function, "__name__", function)
         raise NoCError(f"{name} has no C: write a loop, or use functions of math")

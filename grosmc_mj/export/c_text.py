@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from grosmc_mj.export.reserved import is_function, is_taken
+
 WIDTH = 100
 INDENT = "    "
 # Pointer to what the law remembers.
@@ -36,22 +38,35 @@ for _module in (math, np):
         if hasattr(_module, _name):
             LIBRARY[getattr(_module, _name)] = _in_c
 
-# Names that a variable cannot have: words of C, functions that are called, and the records.
-_RESERVED = set(LIBRARY.values()).union(
-    re.findall(
-        r"\w+",
-        "auto break case char const continue default do double else enum extern float for goto if "
-        "inline int long register restrict return short signed sizeof static struct switch typedef "
-        "union unsigned void volatile while memmove memory state out p",
-    )
-)
+# A variable would hide a function that is called.
+_CALLED = {*LIBRARY.values(), "floor", "ceil"}
+_CALLED |= {f"{name}f" for name in _CALLED}
 
 
 def c_name(name: str) -> str:
-    """Return a name of Python's as a name of C's."""
+    """Return a name of Python's as a name of C's; different ones stay different.
+
+    A name that C or this package takes gets ``_v`` at its end, and one that ends so another one.
+    """
     letters = [letter if letter.isascii() else f"u{ord(letter):x}" for letter in name]
     ascii_name = "".join(letters)
-    return f"{ascii_name}_" if ascii_name in _RESERVED else ascii_name
+    taken = is_taken(ascii_name) or ascii_name in _CALLED
+    return f"{ascii_name}_v" if taken or ascii_name != name else ascii_name
+
+
+def c_function_name(name: str) -> str:
+    """Return the name of a function of Python's as the name of one in C."""
+    stripped = name.strip("_") if name != "<lambda>" else "value"
+    if not stripped or stripped[0].isdigit():
+        stripped = f"function_{stripped}".strip("_")
+    return f"{stripped}_v" if is_function(stripped) else c_name(stripped)
+
+
+def c_prefix(text: str) -> str:
+    """Return a text as the begin of names in C, and of files."""
+    letters = [letter if letter.isascii() and letter.isalnum() else "_" for letter in text]
+    prefix = "".join(letters)
+    return prefix if prefix[:1].isalpha() else f"law_{prefix.lstrip('_')}"
 
 
 def suffix_of(real: str) -> str:

@@ -189,14 +189,15 @@ class Expressions(ast.NodeVisitor):
         conditions = []
         for op, (left, right) in zip(node.ops, itertools.pairwise(values), strict=True):
             conditions.append(self.operation(op, left, right))
-        return junction(conditions, suffices=False)
+        return junction(conditions, suffices=False, real=self.program.real)
 
     def visit_BoolOp(self, node: ast.BoolOp) -> Any:
-        """Value of conditions with ``and`` or ``or``."""
-        return junction(self._in_turn(node.values), suffices=isinstance(node.op, ast.Or))
+        """Value of ``and`` or ``or``: the operand that decides."""
+        suffices = isinstance(node.op, ast.Or)
+        return junction(self._in_turn(node.values), suffices, self.program.real)
 
     def _in_turn(self, nodes: Sequence[ast.expr]) -> Iterator[Any]:
-        """Values of conditions; those after the first are not always computed."""
+        """Values of operands; those after the first are not always computed."""
         for node in nodes:
             value = self.visit(node) if node is nodes[0] else self.visit_if_needed(node)
             yield value if is_known(value) else self.number(value)

@@ -59,9 +59,16 @@ def _written(program: Program, function: FunctionType, values: Mapping[str, Any]
     variables: dict[str, Number] = {}
     while True:
         before = dict(variables)
-        translation = Translation(program, function, variables, values)
-        translation.write(translation.body)
+        try:
+            translation = Translation(program, function, variables, values)
+            leaves = translation.write(translation.body)
+        except RecursionError:
+            raise ExportError(
+                f"{where(function)}: {function.__name__} is nested too deep: write its longest "
+                "expressions as several statements"
+            ) from None
         if variables == before:
+            translation.refuse_lost_value(leaves)
             return translation.finished()
 
 
@@ -104,6 +111,18 @@ class Translation(Statements):
         if isinstance(value, Number):
             self.names[name] = value.named(c)
             self.parameters[name] = f"{self.program.type_of(value)} {c}"
+
+    def refuse_lost_value(self, leaves: bool) -> None:
+        """Refuse a function that returns a value, but not on each way through it.
+
+        Args:
+            leaves: Whether its statements always leave it.
+        """
+        if self.returns is not None and (self.returns_nothing or not leaves):
+            raise ExportError(
+                f"{where(self.function)}: {self.function.__name__} does not always return a "
+                "value: end it with one"
+            )
 
     def finished(self) -> Function:
         """Put head and lines of the function together."""
@@ -179,7 +198,8 @@ class Translation(Statements):
             return self._zeros(arguments)
         if is_known_call(function, arguments):
             return known_result(function, *arguments)
-        return library_call(function, [self.number(item) for item in arguments], self.program.real)
+        numbers = [self.number(item) for item in arguments]
+        return library_call(function, numbers, self.program.real, self.program.undefined)
 
     def _zeros(self, arguments: Sequence[Any]) -> Array:
         """An array of a known size, which begins with zeros."""

@@ -81,6 +81,11 @@ class LawInC:
         """The text of NAME.h."""
         return rendered("law.h", law=self)
 
+    @property
+    def undefined(self) -> str:
+        """Place in C that is 1 after a sample for which the law is not defined."""
+        return "memory->undefined" if self.loop is None else "memory->law.undefined"
+
     # It is written into files, and the name of an FMU is a hash of it.
     @cached_property
     def source(self) -> str:
@@ -93,7 +98,7 @@ class LawInC:
         replacements = {}
         if self.real == "float":
             replacements[integrate] = _integrate_by(self.period)
-        program = Program(self.name, self.real, replacements)
+        program = Program(self.name, self.real, self.undefined, replacements)
         step, missed = self._functions(program)
         roots = [step] if missed is None else [step, missed]
         return rendered(

@@ -60,5 +60,5 @@ def without_hidden_functions(lines: Sequence[Line]) -> list[Line]:
     for name in {line.defines for line in lines} - {""}:
         if calls(text, name):
             variable = re.compile(rf"\b{name}\b(?!\()")
-            renamed = [replace(line, text=variable.sub(f"{name}_", line.text)) for line in renamed]
+            renamed = [replace(line, text=variable.sub(f"{name}_v", line.text)) for line in renamed]
     return renamed

@@ -12,7 +12,7 @@ import numpy as np
 
 from grosmc_mj.export.c_text import (
     MEMORY,
-    c_name,
+    c_function_name,
     calls,
     literal,
 )
@@ -69,6 +69,7 @@ class Program:
     Attributes:
         law: Begin of the names that the law's header declares.
         real: ``double``, or ``float`` in single precision.
+        undefined: Place in memory that is 1 after a sample for which the law is not defined.
         replacements: Python functions that stand for others.
         functions: Functions by what they are of; None for one that is being written.
         finished: Functions, each after those that it calls.
@@ -77,6 +78,7 @@ class Program:
 
     law: str
     real: str = "double"
+    undefined: str = f"{MEMORY}->undefined"
     replacements: Mapping[Any, Any] = field(default_factory=dict)
     functions: dict[Any, Function | None] = field(default_factory=dict)
     finished: list[Function] = field(default_factory=list)
@@ -86,8 +88,7 @@ class Program:
         """Return the type in C of a number."""
         if not number.whole:
             return self.real
-        small = number.low > -(2**31) and number.high < 2**31
-        return "int" if small else "int64_t"
+        return "int" if number.is_small else "int64_t"
 
     def table(self, numbers: Any) -> Array | None:
         """Return an array of known floats as an array in C; None for any other value."""
@@ -118,11 +119,10 @@ class Program:
 
     def new_name(self, function: FunctionType) -> str:
         """Return a name for a function that no other one has."""
-        name = "value" if function.__name__ == "<lambda>" else function.__name__.lstrip("_")
-        name = c_name(name)
+        name = c_function_name(function.__name__)
         numbered = name
         number = 1
-        taken = {f"{self.law}_{end}" for end in ("init", "step", "numbers", "memory")}
+        taken = {f"{self.law}_{end}" for end in ("init", "step", "missed", "numbers", "memory")}
         taken.update(item.name for item in self.finished)
         while numbered in taken:
             number += 1

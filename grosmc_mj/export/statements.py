@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from types import FunctionType
 from typing import Any
 
-from grosmc_mj.export.arithmetic import OPERATORS
+from grosmc_mj.export.arithmetic import OPERATORS, known_result, truth
 from grosmc_mj.export.c_text import c_name, mentions
 from grosmc_mj.export.expressions import Expressions
 from grosmc_mj.export.program import Program
@@ -33,6 +33,7 @@ class Statements(Expressions):
 
     Attributes:
         returns: See ``Function``.
+        returns_nothing: Whether it also returns without a value.
         fixed: Names that keep one value: parameters, and variables of loops around.
         declared: Names of the variables that are declared.
         hoisted: Names of variables that are declared before all lines.
@@ -46,6 +47,7 @@ class Statements(Expressions):
         super().__init__(program, function, variables)
         self.widening = bool(variables)
         self.returns: Any = None
+        self.returns_nothing = False
         self.fixed: set[str] = set()
         self.declared: set[str] = set()
         self.hoisted: list[str] = []
@@ -87,6 +89,7 @@ class Statements(Expressions):
         """Return nothing, a number, or several."""
         value = None if node.value is None else self.visit(node.value)
         if value is None:
+            self.returns_nothing = True
             self.say("return;")
         elif is_known(value) and not isinstance(value, float) and not self.lines:
             self.returns = value
@@ -230,19 +233,21 @@ class Statements(Expressions):
         if is_known(condition):
             return self.write(node.body if condition else node.orelse)
 
-        leaves = self._write_block(f"if ({self.number(condition).code}) {{", node.body)
+        leaves = self._write_block(f"if ({truth(self.number(condition)).code}) {{", node.body)
         if node.orelse:
             leaves = self._write_block("} else {", node.orelse) and leaves
         self.say("}")
         return leaves and bool(node.orelse)
 
-    def visit_While(self, node: ast.While) -> None:
+    def visit_While(self, node: ast.While) -> bool:
         """Write a loop with a condition."""
         if node.orelse:
             raise NoCError("has no C: write the else part after a condition")
-        condition = self.number(self.visit_if_needed(node.test))
-        self._write_block(f"while ({condition.code}) {{", node.body)
+        condition = self.visit_if_needed(node.test)
+        self._write_block(f"while ({truth(self.number(condition)).code}) {{", node.body)
         self.say("}")
+        breaks = any(isinstance(item, ast.Break) for item in ast.walk(node))
+        return is_known(condition) and bool(condition) and not breaks
 
     def visit_For(self, node: ast.For) -> bool:
         """Write a loop over a range, or over the entries of an array."""
@@ -267,7 +272,7 @@ class Statements(Expressions):
     def _loop_over_range(self, statement: ast.For, name: str, ends: list[Any]) -> bool:
         """Write a loop over range: as one of C, or pass by pass."""
         if is_known(*ends):
-            passes = range(*ends)
+            passes = known_result(range, *ends)
             by_passes = self.function.__module__.startswith(_WRITTEN_OUT)
             jumps = any(isinstance(node, (ast.Break, ast.Continue)) for node in ast.walk(statement))
             if not jumps and (by_passes or len(passes) < 2):
@@ -276,11 +281,15 @@ class Statements(Expressions):
         if len(ends) == 1:
             ends = [0, *ends]
         start, stop, step = [*ends, 1][:3]
-        if not is_known(step):
+        if len(ends) > 3 or not is_known(step):
             raise NoCError("the step of range must be known")
+        # Python refuses a step of zero, or of no whole number.
+        known_result(range, 0, 0, step)
         first = self.number(start)
         # Python computes the end once.
         last = self.number(self.kept(stop))
+        if not (first.whole and last.whole):
+            raise NoCError("range takes whole numbers: write int(...)")
         c = c_name(name)
         variable = Number(c, True, low=last.low + 1, high=first.high)
         move = f"{c}--" if step == -1 else f"{c} += {step}"

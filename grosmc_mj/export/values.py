@@ -48,6 +48,11 @@ class Number:
     effect: str = ""
 
     @property
+    def is_small(self) -> bool:
+        """Whether it is a whole number that fits ``int``, whose negative fits, too."""
+        return self.whole and self.low > -(2**31) and self.high < 2**31
+
+    @property
     def is_condition(self) -> bool:
         """Whether it is 0 or 1."""
         return self.whole and self.low >= 0 and self.high <= 1
@@ -149,6 +154,8 @@ def number_in_c(value: Any, real: str) -> Number:
     if isinstance(value, Number):
         return value
     if isinstance(value, (bool, int, np.bool_, np.integer)):
+        if not -(2**63) < value < 2**63:
+            raise NoCError("is a whole number of more than 64 bits: write it as a float")
         return _whole_number(int(value))
     if isinstance(value, (float, np.floating)):
         text = literal(float(value), real)

@@ -96,12 +96,11 @@ class ExportCommand(Command):
         Raises:
             ArgumentError: If there is no such law, or it has no C.
         """
-        from grosmc_mj.export.c_text import c_name
+        from grosmc_mj.export.c_text import c_prefix
         from grosmc_mj.export.law import LawInC
 
         controller = experiment.law(experiment.nominal.truest, self.law)
         name = f"{result_name(experiment.path)}_{name_in_files(self.law)}"
-        letters = [letter if letter.isalnum() else "_" for letter in name]
         applied = None
         if self.loop:
             applied = experiment.applied_loop(experiment.nominal.truest, self.law)
@@ -109,7 +108,7 @@ class ExportCommand(Command):
                 raise ArgumentError(f"{experiment.path}: --loop: the case has no loop")
         law = LawInC(
             controller=controller,
-            name=c_name("".join(letters)),
+            name=c_prefix(name),
             system=experiment.nominal.system,
             period=experiment.settings.control_period,
             real="float" if self.float32 else "double",

@@ -137,6 +137,15 @@ def load_named(text: str, folder: Path) -> Any:
                 f"package {error.name!r} is installed"
             ) from None
 
+        except RecursionError as error:
+            # Of the module as it runs, the place is told; Python's parser has none.
+            if _place(error, folder.resolve()) is not None:
+                raise
+            raise ArgumentError(
+                f"{text!r}: {name.replace('.', '/')}.py is nested too deep for Python: write its "
+                "longest expressions as several statements"
+            ) from None
+
     if not hasattr(module, attribute):
         public = [item for item in vars(module) if not item.startswith("_")]
         raise ArgumentError(unknown_name(f"name in {name}", attribute, public))

@@ -58,7 +58,7 @@ static const struct {{ law.name }}_numbers *const p = &{{ law.name }}_numbers;
 {% if not law.loop %}
     memory->begun = 1;
 {% endif %}
-    if (memory->{{ "law." if law.loop }}undefined != 0) {
+    if ({{ law.undefined }} != 0) {
         return 1;
     }
 {% for input in law.system.inputs %}
