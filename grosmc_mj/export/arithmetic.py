@@ -91,12 +91,13 @@ def negative(number: Number) -> Number:
 
 def negation(number: Number) -> Number:
     """Return ``not x``."""
-    return Number(f"!{truth(number).within(UNARY)}", True, UNARY, 0, 1, number.effect)
+    # As an operand of an operator it has parentheses, or compilers warn.
+    return Number(f"!{truth(number).within(UNARY)}", True, AND + 1, 0, 1, number.effect)
 
 
 def truth(number: Number) -> Number:
-    """Return whether a number counts as true; compilers warn of whole numbers as conditions."""
-    if not number.whole or number.is_condition:
+    """Return whether a number counts as true; compilers warn of sums and products as conditions."""
+    if number.is_condition or (number.level == ATOM and not number.whole):
         return number
     return replace(not_zero(number), effect=number.effect)
 
@@ -246,6 +247,9 @@ def library_call(
         raise NoCError(f"{name} has no C: write a loop, or use functions of math")
 
     name = LIBRARY[function]
+    if name == "fabs" and numbers[0].whole:
+        return _extreme(max, [numbers[0], negative(numbers[0])])
+    code = ", ".join(_as_real(item, real).code if item.whole else item.code for item in numbers)
     if name.startswith("is"):
         return Number(f"({name}({code}) != 0)", True, low=0, high=1)
     if name.endswith("_"):

@@ -185,6 +185,7 @@ def _complaints_in_time(process: subprocess.Popen[str]) -> str:
         # Also after Ctrl-C, which a group of its own does not get.
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
+        # It closes the pipe, too.
+        process.communicate()
         raise
     return complaints

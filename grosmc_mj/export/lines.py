@@ -6,7 +6,11 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from grosmc_mj.export.c_text import INDENT, calls, mentions, wrapped
+from grosmc_mj.export.c_text import INDENT, wrapped
+
+_WORD = re.compile(r"\w+")
+# A function that is called.
+_CALLED = re.compile(r"\b(\w+)\(")
 
 
 @dataclass(frozen=True)
@@ -40,7 +44,7 @@ def without_unused(lines: Sequence[Line]) -> list[Line]:
     while True:
         unused = {line.defines for line in kept} - {""}
         for line in kept:
-            unused -= {name for name in unused - {line.defines} if mentions(line.text, name)}
+            unused -= set(_WORD.findall(line.text)) - {line.defines}
         if not unused:
             return kept
 
@@ -57,8 +61,8 @@ def without_hidden_functions(lines: Sequence[Line]) -> list[Line]:
     """Return the lines with other names for variables that would hide a function they call."""
     text = "\n".join(line.text for line in lines)
     renamed = list(lines)
-    for name in {line.defines for line in lines} - {""}:
-        if calls(text, name):
-            variable = re.compile(rf"\b{name}\b(?!\()")
-            renamed = [replace(line, text=variable.sub(f"{name}_v", line.text)) for line in renamed]
+    called = set(_CALLED.findall(text))
+    for name in {line.defines for line in lines} & called:
+        variable = re.compile(rf"\b{name}\b(?!\()")
+        renamed = [replace(line, text=variable.sub(f"{name}_v", line.text)) for line in renamed]
     return renamed

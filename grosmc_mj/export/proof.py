@@ -10,6 +10,7 @@ import numpy as np
 
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller
+from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment, run_on
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.shipped import campaign_files
@@ -64,19 +65,25 @@ class Proof:
     """Comparison of an exported law with the Python law.
 
     Attributes:
+        timestep: Timestep of the runs [s].
+        stride: Timesteps in a control period.
         samples: Samples of both laws that were compared.
         different: Samples in which inputs, memory or states differ in any bit.
         runs: Runs of the case.
         random_plants: Runs on random plants.
         largest: Largest difference of an input; None where all are equal.
+        early_end: Words on the last run that one of the laws ended earlier; empty if there is none.
         verdicts: Verdicts on the runs of the case.
     """
 
+    timestep: float
+    stride: int
     samples: int = 0
     different: int = 0
     runs: int = 0
     random_plants: int = 0
     largest: Difference | None = None
+    early_end: str = ""
     verdicts: Sequence[Verdict] = ()
 
     @property
@@ -102,20 +109,21 @@ class Proof:
                 f"; the input by at most {largest.value:.3g} {largest.unit}, at "
                 f"{largest.time:g} s on {largest.place}"
             )
+        if self.early_end:
+            text += f"; {self.early_end}"
         return text
 
-    def add(self, python: Trajectory, in_c: Trajectory, stride: int, place: str) -> None:
+    def add(self, python: Trajectory, in_c: Trajectory, place: str) -> None:
         """Compare two runs of the same simulation.
 
         Args:
             python: Run of the Python law.
             in_c: Run of the C.
-            stride: Timesteps in a control period.
             place: Plant on which they ran.
         """
-        period = python.time[1] - python.time[0]
-        valid = round(float(python.valid_until) / period)
-        rows = slice(0, valid, stride)
+        ends = (float(python.valid_until), float(in_c.valid_until))
+        first, last = sorted(round(end / self.timestep) for end in ends)
+        rows = slice(0, first, self.stride)
         unequal = _unequal(python.command[rows], in_c.command[rows])
         unequal |= _unequal(python.state[rows], in_c.state[rows])
         names = python.memory.dtype.names
@@ -123,8 +131,13 @@ class Proof:
         for name in names:
             unequal |= _unequal(python.memory[name][rows], in_c.memory[name][rows])
 
-        self.samples += len(unequal)
-        self.different += int(unequal.sum())
+        # Samples that only one of them made.
+        further = len(range(0, last, self.stride)) - len(unequal)
+        self.samples += len(unequal) + further
+        self.different += int(unequal.sum()) + further
+        if further:
+            ended = "Python" if ends[0] < ends[1] else "C"
+            self.early_end = f"{ended} ends its run at {min(ends):g} s on {place}"
         if unequal.any():
             self._note_largest(python, in_c, rows, place)
 
@@ -133,7 +146,9 @@ class Proof:
         inputs = python.system.inputs
         shape = (-1, len(inputs))
         difference = np.abs(python.command - in_c.command)[rows].reshape(shape)
-        row, column = np.unravel_index(np.nanargmax(difference), difference.shape)
+        # An input that is not finite ends a run: the difference is in memory or states.
+        difference = np.nan_to_num(difference, nan=0.0)
+        row, column = np.unravel_index(np.argmax(difference), difference.shape)
         time = float(python.time[rows][row])
         value = float(difference[row, column])
         if self.largest is None or value > self.largest.value:
@@ -142,8 +157,9 @@ class Proof:
 
 def _unequal(a: Array, b: Array) -> Any:
     """Whether rows differ in any bit, (N,); NaN is equal to itself."""
-    same = (a == b) | (np.isnan(a) & np.isnan(b))
-    return ~same.reshape(len(same), -1).all(axis=1)
+    same = (a == b) & (np.signbit(a) == np.signbit(b))
+    same |= np.isnan(a) & np.isnan(b)
+    return ~same.all(axis=tuple(range(1, same.ndim)))
 
 
 def prove(
@@ -168,18 +184,27 @@ def prove(
 
     Returns:
         The comparison.
+
+    Raises:
+        ArgumentError: If no run of the case gets beyond its start.
     """
-    proof = Proof()
-    stride = round(experiment.settings.control_period / experiment.settings.timestep)
+    settings = experiment.settings
+    stride = round(settings.control_period / settings.timestep)
+    proof = Proof(settings.timestep, stride)
     in_c = in_simulation(law, compiled)
-    proof.verdicts = _prove_on_case(proof, experiment, law, in_c, stride, advance)
+    proof.verdicts = _prove_on_case(proof, experiment, law, in_c, advance)
+    if not proof.samples:
+        raise ArgumentError(
+            f"{law.controller.name}: no sample to compare: each run of the case ends at its start, "
+            "where the law is not defined: start elsewhere"
+        )
 
     uncertain = uncertain_experiment(experiment)
     if uncertain is None:
         return proof
     for first in range(0, plants, _BATCH):
         count = min(_BATCH, plants - first)
-        _prove_on_random_plants(proof, uncertain, law, in_c, stride, range(first, first + count))
+        _prove_on_random_plants(proof, uncertain, law, in_c, range(first, first + count))
         advance(f"{law.controller.name} on random plants", count)
     return proof
 
@@ -189,7 +214,6 @@ def _prove_on_case(
     experiment: Experiment,
     law: LawInC,
     in_c: LawInSimulation,
-    stride: int,
     advance: Callable[[str, int], None],
 ) -> list[Verdict]:
     """Compare the runs of the case, and judge them."""
@@ -200,7 +224,7 @@ def _prove_on_case(
         python = run_on(experiment, name, law.controller, plant, loop)
         compiled = run_on(experiment, name, in_c.controller, plant, in_c.loop or loop)
         proof.runs += 1
-        proof.add(python.trajectory, compiled.trajectory, stride, name)
+        proof.add(python.trajectory, compiled.trajectory, name)
         judgements = [judge_runs(experiment.limits, [run]) for run in (python, compiled)]
         verdicts += map(Verdict, *judgements)
         advance(f"{law.controller.name} on {name}", 1)
@@ -212,7 +236,6 @@ def _prove_on_random_plants(
     uncertain: Experiment,
     law: LawInC,
     in_c: LawInSimulation,
-    stride: int,
     numbers: range,
 ) -> None:
     """Compare the runs on random plants of these numbers."""
@@ -225,7 +248,7 @@ def _prove_on_random_plants(
     compiled = _simulated(uncertain, cases, plants, in_c.controller, own_loops)
     for run in range(len(cases)):
         proof.random_plants += 1
-        proof.add(python[run], compiled[run], stride, f"random plant {proof.random_plants}")
+        proof.add(python[run], compiled[run], f"random plant {proof.random_plants}")
 
 
 def uncertain_experiment(experiment: Experiment) -> Experiment | None:

@@ -454,3 +454,210 @@ def test_single_precision_differs_by_its_rounding(tmp_path: Path) -> None:
     assert 0.0 < proof.largest.value < 1e-6
     assert proof.largest.unit == "A"
     assert proof.overturned == []
+
+
+# What Python means.
+
+
+def _first_true(t: float, x: Any, memory: Any, p: Any) -> float:
+    return x[0] or 3.0
+
+
+def _last_false(t: float, x: Any, memory: Any, p: Any) -> float:
+    return x[0] or 0.0
+
+
+def _both(t: float, x: Any, memory: Any, p: Any) -> float:
+    return (x[0] and x[1]) or -p.most
+
+
+def _known_first(t: float, x: Any, memory: Any, p: Any) -> float:
+    return (0.0 or x[0]) + (2.0 and x[1])
+
+
+def _mixed(t: float, x: Any, memory: Any, p: Any) -> float:
+    return float(x[0] > 0.0 and x[1]) + float(x[1] > 0.0 or x[0])
+
+
+def _products_as_conditions(t: float, x: Any, memory: Any, p: Any) -> float:
+    k = int(memory.k)
+    memory.k += 1
+    return x[0] if k * 2 and not x[1] * 2.0 >= 0.5 else bool(x[1]) + abs(k - 3)
+
+
+def _wide(t: float, x: Any, memory: Any, p: Any) -> float:
+    total = 0
+    for i in range(70000):
+        total = i * 100000
+    return total * 1.0
+
+
+def _powers_of_two(t: float, x: Any, memory: Any, p: Any) -> float:
+    return 2.0 ** x[0] + 10.0 ** x[1]
+
+
+def _slice_of_a_slice(t: float, x: Any, memory: Any, p: Any) -> float:
+    memory.past[1:][1:][0] = x[0]
+    memory.past[-1] = x[1]
+    return _first(memory.past[:-1][2:]) - memory.past[3]
+
+
+def _negative_remainder(t: float, x: Any, memory: Any, p: Any) -> float:
+    return (int(x[0] * 10.0) % 7) + (-int(memory.k) % 3)
+
+
+def _remainder_of_floats(t: float, x: Any, memory: Any, p: Any) -> float:
+    return math.fmod(x[0], 0.3)
+
+
+PYTHONS = [
+    _first_true,
+    _last_false,
+    _both,
+    _known_first,
+    _mixed,
+    _products_as_conditions,
+    _wide,
+    _powers_of_two,
+    _slice_of_a_slice,
+    _negative_remainder,
+    _remainder_of_floats,
+]
+
+
+@needs_compiler
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+@pytest.mark.parametrize("own", PYTHONS)
+def test_operators_mean_in_c_what_they_mean_in_python(
+    own: Callable[..., Any], compiler: str, tmp_path: Path
+) -> None:
+    path = shutil.which(compiler)
+    if path is None:
+        pytest.skip(f"{compiler} is not installed")
+    law = of_ones_own(own)
+    x = states_about_start("servo/case1")
+    x[3:6, 0] = 0.0
+    x[5:9, 1] = -0.0
+    write_law(law, tmp_path)
+    fast = compile_law(law, tmp_path, path, [*FLAGS, "-O3"])
+    assert differing_samples(law, fast, x) == 0
+
+
+@needs_compiler
+@pytest.mark.parametrize("x", [math.nan, math.inf, 1e300])
+def test_a_step_tells_that_there_is_no_such_whole_number(x: float, tmp_path: Path) -> None:
+    step = compiled(of_ones_own(_negative_remainder), tmp_path).step
+    assert step(0.0, np.array([x, 0.0]), np.zeros(64), np.zeros(1)) == UNDEFINED_LAW
+
+
+def _refused_type(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+    for i in range(x[0]):
+        u[0] = x[i % 2]
+
+
+def _refused_step(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+    for _ in range(0, 3, 0):
+        u[0] = 1.0
+
+
+def _refused_step_of_a_loop(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+    for _ in range(int(memory.k), 3, 0):
+        u[0] = 1.0
+
+
+def _refused_size(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+    u[0] = x[0] * 10**30
+
+
+def _sometimes(a: float) -> float | None:
+    if a > 1.0:
+        return 1.0
+    return None
+
+
+def _refused_value(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+    u[0] = _sometimes(x[0])
+
+
+def _without_end(a: float) -> Any:  # noqa: RET503
+    if a > 1.0:
+        return 1.0
+
+
+def _refused_end(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+    u[0] = _without_end(x[0])
+
+
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [
+        (_refused_type, "range takes whole numbers: write int"),
+        (_refused_step, "arg 3 must not be zero"),
+        (_refused_step_of_a_loop, "arg 3 must not be zero"),
+        (_refused_size, "is a whole number of more than 64 bits: write it as a float"),
+        (_refused_value, "does not always return a value: end it with one"),
+        (_refused_end, "does not always return a value: end it with one"),
+    ],
+)
+def test_what_python_would_refuse_is_refused(law: Callable[..., Any], words: str) -> None:
+    with pytest.raises(ExportError, match=rf"test_export.py:\d+: .*{words}"):
+        _ = of_ones_own(law).source
+
+
+# Names.
+
+
+NAMED = """
+from numba import njit
+
+
+def {name}(a):
+    return 2.0 * a
+
+
+@njit
+def _2nd(a):
+    return {name}(a)
+
+
+def law(t, x, memory, p, u):
+    result = {name}(x[0])
+    u[0] = result + _2nd(x[1])
+"""
+VARIABLE = """
+def law(t, x, memory, p, u):
+    {name} = x[0] * 2.0
+    {name}_ = x[1] - {name}
+    {name}_v = {name}_ * {name}
+    u[0] = {name}_v + abs({name}_)
+"""
+NAMES = "round main NAN pow pow_ floor M_PI y0 gamma fabs min_ table_1 t1_ double int8_t INT64_MIN"
+NAMES += " out state printf index free _ ä"
+
+
+@needs_compiler
+@pytest.mark.parametrize("text", [NAMED, VARIABLE])
+@pytest.mark.parametrize("name", NAMES.split())
+def test_a_name_that_c_takes_is_another_one_there(name: str, text: str, tmp_path: Path) -> None:
+    path = tmp_path / "named.py"
+    path.write_text(text.format(name=name), encoding="utf-8")
+    names: dict[str, Any] = {"__name__": "named"}
+    exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), names)
+    law = of_ones_own(names["law"])
+    x = states_about_start("servo/case1")
+    assert differing_samples(law, compiled(law, tmp_path), x) == 0
+
+
+@needs_compiler
+def test_a_long_law_is_written_in_a_short_time_or_refused(tmp_path: Path) -> None:
+    lines = [f"    v{k + 1} = v{k} + x[1] * {k}.0" for k in range(800)]
+    long = ["def law(t, x, memory, p, u):", "    v0 = x[0]", *lines, "    u[0] = v800"]
+    wide = ["def wide(t, x, memory, p, u):", f"    u[0] = {' + '.join(['x[0]'] * 700)}", ""]
+    path = tmp_path / "long.py"
+    path.write_text("\n".join([*wide, *long]), encoding="utf-8")
+    names: dict[str, Any] = {"__name__": "long"}
+    exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), names)
+    law = of_ones_own(names["law"])
+    assert differing_samples(law, compiled(law, tmp_path), np.ones((3, 2))) == 0
+    with pytest.raises(ExportError, match="wide is nested too deep: write its longest expressions"):
+        _ = of_ones_own(names["wide"]).source

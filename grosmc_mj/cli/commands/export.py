@@ -13,7 +13,7 @@ from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Flag, Out, Target, WholeNumber, command
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.targets import result_name, shown_experiment
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.errors import ArgumentError, placed
 from grosmc_mj.files import name_in_files, require_writable
 
 if TYPE_CHECKING:
@@ -96,8 +96,12 @@ class ExportCommand(Command):
         Raises:
             ArgumentError: If there is no such law, or it has no C.
         """
+        import numpy as np
+
+        from grosmc_mj.experiments.file.user_code import blamed
         from grosmc_mj.export.c_text import c_prefix
         from grosmc_mj.export.law import LawInC
+        from grosmc_mj.simulation.law_inputs import require_answer
 
         controller = experiment.law(experiment.nominal.truest, self.law)
         name = f"{result_name(experiment.path)}_{name_in_files(self.law)}"
@@ -114,8 +118,10 @@ class ExportCommand(Command):
             real="float" if self.float32 else "double",
             loop=applied,
         )
-        # A law that cannot be written in C is refused here, before anything runs.
+        # A law that cannot be written in C, or has no answer, is refused before anything runs.
         _ = law.source
+        with placed(f"{experiment.path}: "), blamed(experiment.path.parent):
+            require_answer(controller, np.array(experiment.x0), len(law.system.inputs))
         return law
 
     def _proof(self, experiment: Experiment, law: LawInC) -> Proof | None:
