@@ -100,16 +100,19 @@ def write_whole(path: Path, text: str) -> None:
 def require_writable(*paths: Path) -> None:
     """Refuse paths where no file can be written, before the work that is to fill them.
 
+    Folders are not made: wrong use, which is found later, leaves nothing behind.
+
     Raises:
         SetupError: If a folder cannot be made or written, or a path is no regular file.
     """
     for path in paths:
+        require_folder(path.parent)
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
             if path.exists() and not path.is_file():
                 raise FileExistsError(errno.EEXIST, "is a folder, a device, a pipe or a socket")
-            with tempfile.TemporaryFile(dir=path.parent):
-                pass
+            if path.parent.is_dir():
+                with tempfile.TemporaryFile(dir=path.parent):
+                    pass
         except OSError as error:
             raise cannot_write(path, error) from error
 
