@@ -158,7 +158,7 @@ static void implicit_2(const double *s, double k, double rho, double *phi, struc
     phi[0] = implicit(s[0], k, p->switching.gain * rho, memory->elapsed);
 }
 
-/* u = v, or v = u: input maps of a law of a linear model. [base.py:243] */
+/* u = v, or v = u: input maps of a law of a linear model. [base.py:242] */
 static void copy(const double *values, double *result)
 {
     result[0] = values[0];
