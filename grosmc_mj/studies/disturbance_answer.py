@@ -87,6 +87,8 @@ def _largest_words(largest: tuple[float, float], unit: str) -> str:
     kept, failed = largest
     if math.isinf(failed):
         return f"up to {kept:.3g} {unit} at least, where the search ends"
+    if kept == 0:
+        return f"at no bound that was tried, down to {failed:.3g} {unit}"
     return f"up to {kept:.3g} and not at {failed:.3g} {unit}"
 
 
@@ -140,7 +142,9 @@ def _largest_text(largest: tuple[float, float] | None) -> str:
     if largest is None:
         return "-"
     kept, failed = largest
-    return f"≥{kept:.3g}" if math.isinf(failed) else f"{kept:.3g} to {failed:.3g}"
+    if math.isinf(failed):
+        return f"≥{kept:.3g}"
+    return f"{kept:.3g} to {failed:.3g}"
 
 
 def _share_text(share: float | None) -> str:

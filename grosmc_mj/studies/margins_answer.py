@@ -40,6 +40,13 @@ LEGEND = (
     "≥: nothing more was tried."
 )
 
+# Margins of the table that may hang on the amplitude: field, name in a note, factor and unit there.
+_OF_AMPLITUDE = (
+    ("delay", "delay by S", 1e3, " ms"),
+    ("phase", "phase margin", 1.0, "°"),
+    ("disk", "disk margin", 1.0, ""),
+)
+
 
 def verdict(rows: Sequence[LawMargins]) -> str:
     """Return a sentence about the last setup: the laws with the least and the largest delay.
@@ -197,13 +204,14 @@ def _notes_of(row: LawMargins) -> Iterator[str]:
         yield row.impossible
     if row.chatter is not None:
         yield _chatter_words(row.chatter)
-    levels = row.disagreeing("delay")
-    if levels is not None:
-        texts = []
-        for level in levels:
-            delay = number(1e3 * level.margins.delay)
-            texts.append(f"{delay} ms at {number(level.rms)} {level.unit} rms")
-        yield f"delay by S hangs on the amplitude: {', '.join(texts)}"
+    for margin, title, factor, unit in _OF_AMPLITUDE:
+        levels = row.disagreeing(margin)
+        if levels is not None:
+            texts = []
+            for level in levels:
+                value = number(factor * getattr(level.margins, margin))
+                texts.append(f"{value}{unit} at {number(level.rms)} {level.unit} rms")
+            yield f"{title} hangs on the amplitude: {', '.join(texts)}"
     if row.levels and not row.trusted:
         doubts = [level.doubt for level in row.at(len(LEVELS) - 1) if level.doubt]
         yield f"S is not trustworthy, because {(doubts or ['it is not at all inputs'])[0]}"
