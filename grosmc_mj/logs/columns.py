@@ -22,7 +22,7 @@ _BRACKETS = {"]": "[", ")": "("}
 # Headers that a message lists.
 _LISTED = 12
 # Larger numbers come from damage; a time of nanoseconds since 1970 is smaller.
-_LARGEST = 1e20
+LARGEST = 1e20
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +133,7 @@ class Column:
         if self.refused:
             raise ArgumentError(f"{self.header}: {self.refused}")
         # False for NaN too.
-        is_number = np.abs(self.values) <= _LARGEST
+        is_number = np.abs(self.values) <= LARGEST
         if np.all(is_number):
             return
 

@@ -315,6 +315,17 @@ def test_other_kinds_of_text_in_a_parquet_file_are_read(tmp_path: Path, kind: pa
     assert_equal(read_log(path, SERVO, None), read_log(plain, SERVO, None))
 
 
+@pytest.mark.parametrize("scale", [1e308, -1e25])
+def test_a_scale_that_no_machine_has_is_refused(tmp_path: Path, scale: float) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(csv_text())
+    column = {"column": "rotor angle [rad]", "scale": scale}
+    table = LogTable.model_validate({"columns": {"rotor angle": column}})
+    words = r"rotor angle \[rad\]: .* in line \d+ becomes .* rad, beyond 1e\+20: correct scale"
+    with pytest.raises(ArgumentError, match=words):
+        read_log(path, SERVO, table)
+
+
 # -- paths that are no logs ------------------------------------------------------------------------
 
 
