@@ -73,15 +73,11 @@ class Column:
     def from_first(self, factor: float) -> Array:
         """The values from the first one on, times a factor.
 
-        A time since 1970 has more digits than a float: integers and decimal text are subtracted
-        exactly, and rounded once, after the factor.
+        A time since 1970 has more digits than a float: the numbers are subtracted as they stand in
+        the file, and rounded once, after the factor.
         """
-        steps = None
-        if self.written is not None:
-            steps = steps_from_first(self.written, factor)
-        if steps is None:
-            steps = (self.values - self.values[0]) * factor
-        return steps
+        assert self.written is not None
+        return steps_from_first(self.written, factor)
 
     def held(self, time: Array) -> Array:
         """The last value before each instant."""

@@ -135,6 +135,17 @@ def test_nanoseconds_of_a_parquet_file_are_those_from_0_to_the_bit(
     assert_equal(read_log(path, SERVO, None), read_log(plain, SERVO, None))
 
 
+def test_seconds_of_a_parquet_file_are_those_of_their_text(tmp_path: Path) -> None:
+    """A float stands for the shortest number that it is nearest to."""
+    plain = tmp_path / "plain.csv"
+    plain.write_text(csv_text())
+    seconds = np.array([float(f"{BEGIN}.{ms:03d}") for ms in MILLISECONDS])
+    assert not np.array_equal(seconds - seconds[0], TIME)
+    path = tmp_path / "log.parquet"
+    pq.write_table(pa.table({"time": seconds, "current": CURRENT, "rotor angle": ANGLE}), path)
+    assert_equal(read_log(path, SERVO, None), read_log(plain, SERVO, None))
+
+
 def test_nanoseconds_of_a_matlab_file_are_those_from_0_to_the_bit(tmp_path: Path) -> None:
     plain = tmp_path / "plain.csv"
     plain.write_text(csv_text())
