@@ -326,7 +326,7 @@ def test_other_kinds_of_text_in_a_parquet_file_are_read(tmp_path: Path, kind: pa
     assert_equal(read_log(path, SERVO, None), read_log(plain, SERVO, None))
 
 
-@pytest.mark.parametrize("scale", [1e308, -1e25])
+@pytest.mark.parametrize("scale", [1e30, -1e25])
 def test_a_scale_that_no_machine_has_is_refused(tmp_path: Path, scale: float) -> None:
     path = tmp_path / "log.csv"
     path.write_text(csv_text())
