@@ -52,6 +52,7 @@ from grosmc_mj.experiments.settings import Settings, settings_of_file
 from grosmc_mj.loop import AppliedLoop, Loop, apply_loop
 from grosmc_mj.loop.timing import stride_of
 from grosmc_mj.machine import MachinePart
+from grosmc_mj.machine.motor import Motor
 from grosmc_mj.physics.edit import Edit
 from grosmc_mj.plants import AnalyticPlant, System
 from grosmc_mj.requirements.conditions import Conditions, end_of_transient
@@ -61,6 +62,7 @@ from grosmc_mj.requirements.metrics import Metric
 from grosmc_mj.requirements.optimum import compare_with_optimum
 from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.requirements.run_metrics import measure
+from grosmc_mj.simulation.acting import with_acting
 from grosmc_mj.simulation.disturbances import AnyDisturbance
 from grosmc_mj.simulation.law_inputs import require_answer
 from grosmc_mj.simulation.prepare import number_of_steps, prepare
@@ -221,6 +223,18 @@ class Experiment:
         return tuple(edit for edit in self.edits if isinstance(edit, MachinePart))
 
     @property
+    def motors(self) -> list[Motor]:
+        """Motors that stand in the place of ideal inputs."""
+        return [part for part in self.edits if isinstance(part, Motor)]
+
+    def judged_on_motors(self, requirements: Sequence[Requirement]) -> list[Requirement]:
+        """Return requirements on runs of this case, whose motors may give another input."""
+        if not self.motors:
+            return list(requirements)
+        stronger = any(motor.stronger for motor in self.motors)
+        return [requirement.on_motors(stronger=stronger) for requirement in requirements]
+
+    @property
     def onset(self) -> float:
         """End of the transient [s]: onset of the first load after the start; infinite for none."""
         return end_of_transient((load.window[0], load.window[0]) for load in self.disturbances)
@@ -335,6 +349,7 @@ class Experiment:
                 f"after = {table.after:g} s must be before the end of a run at {end:g} s"
             )
         required = requirements_in(table, laws, self.plant_names, self.duration)
+        required = self.judged_on_motors(required)
         for requirement in required:
             requirement.refuse_start(laws[0], self.x0)
             requirement.refuse_duration(self.duration)
@@ -771,6 +786,7 @@ def run_on(
     except DivergenceError as error:
         run = error.trajectory
         ended = str(error)
+    run = with_acting(run, plant)
     comparison = compare_with_optimum(run, law)
     metrics = measure(run, law, comparison, case.onset)
     return RunResult(

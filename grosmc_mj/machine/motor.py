@@ -146,6 +146,12 @@ class Motor(MachinePart):
         return bool(self.bandwidth) and math.isfinite(self.voltage)
 
     @property
+    def stronger(self) -> bool:
+        """True if it may give more than it is asked for: braked by its back-EMF, or by cogging."""
+        braked = not self.bandwidth and math.isinf(self.current)
+        return braked or self.cogging > 0
+
+    @property
     def time_constant(self) -> float:
         """Time constant of the current [s]; 0 for one that follows at once."""
         if self.bandwidth:
@@ -312,6 +318,16 @@ class Motor(MachinePart):
         if time_constant <= 0:
             return None
         return Oscillation(0.0, 1 / time_constant)
+
+    def input_of_force(self, ideal: mujoco.MjModel) -> float:
+        """Return the ideal input with the torque at the joint of a unit of MuJoCo's force.
+
+        Args:
+            ideal: Model with the ideal input in its place.
+        """
+        index = ideal.actuator(self.input).id
+        gear = float(ideal.actuator_gear[index, 0] * ideal.actuator_gainprm[index, 0])
+        return self._winding(gear).gear / gear
 
     def hidden(self, state: HiddenState, model: mujoco.MjModel) -> HiddenState:
         """Scale its current to A, by the torque at the joint."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,14 +17,46 @@ from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.simulation.trajectory import Trajectory
 
 
+@dataclass(frozen=True, kw_only=True)
 class InputBelow(Requirement):
-    """Largest input."""
+    """Largest input; where motors stand in its place, as it acts.
+
+    Attributes:
+        of_motors: Whether runs have motors, which give another input than they are asked for.
+        stronger: Whether one of them may give more than the largest input.
+    """
 
     key = "input_below"
     quantity = "input"
     figure = "input"
     usual_metric = "max_input"
     of_actuators = True
+
+    of_motors: bool = False
+    stronger: bool = False
+
+    def on_motors(self, *, stronger: bool) -> Requirement:
+        """Return the requirement on the input as it acts."""
+        return replace(self, of_motors=True, stronger=stronger)
+
+    @property
+    def recorded(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Whether it is measured on a recorded run, not accumulated during the run."""
+        return self.of_motors
+
+    @property
+    def metric(self) -> str:
+        """Name of the largest input."""
+        return "acting input" if self.of_motors else self.usual_metric
+
+    @property
+    def tolerated_as(self) -> str:
+        """Name of the usual largest input."""
+        return self.usual_metric
+
+    def of_record(self, run: Trajectory, law: Controller, conditions: Conditions) -> float:
+        """Return the largest input as it acts."""
+        return float(np.abs(run.applied).max())
 
     @classmethod
     def refuse_undefined(cls, error: Any, laws: Sequence[str], signal: str) -> None:
@@ -35,7 +68,7 @@ class InputBelow(Requirement):
     def why_unfailing(self, law: Controller, input_limits: Array) -> str:
         """Say that the actuators give no more than is allowed."""
         largest = float(np.abs(input_limits).max())
-        if self.number < largest:
+        if self.stronger or self.number < largest:
             return ""
         return f"the actuator gives {largest:g} {self.unit} at most"
 

@@ -104,6 +104,14 @@ class Requirement:
         """
         return after if "after" in cls.options else 0.0
 
+    def on_motors(self, *, stronger: bool) -> Requirement:
+        """Return the requirement on runs in which motors stand in the place of ideal inputs.
+
+        Args:
+            stronger: Whether one of them may give more than the largest input.
+        """
+        return self
+
     def refuse_start(self, law: Controller, x0: Sequence[float]) -> None:
         """Refuse a start from which nothing can be measured.
 

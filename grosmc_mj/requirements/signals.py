@@ -72,7 +72,7 @@ def signals_of(run: Trajectory, law: Controller, names: Collection[str]) -> dict
 
     held: dict[str, Array] = {}
     steps = len(run.time) - 1
-    inputs = run.input.reshape(steps, len(error.system.inputs))
+    inputs = run.applied.reshape(steps, len(error.system.inputs))
     for i, signal in enumerate(error.system.inputs):
         held[signal.name] = inputs[:, i]
     if run.sliding is not None:

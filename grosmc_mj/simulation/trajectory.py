@@ -38,7 +38,7 @@ _NOT_SAVED = "workspace"
 # Signals with a row for each instant, and for each interval between two.
 _INSTANTS = ("state", "physics")
 _DISTURBANCES = ("wrench", "input_disturbance", "output_disturbance", "rate_disturbance")
-_INTERVALS = ("command", "input", "sliding", "weighed", "memory", "seen", *_DISTURBANCES)
+_INTERVALS = ("command", "input", "acting", "sliding", "weighed", "memory", "seen", *_DISTURBANCES)
 # Key of the description in a file.
 _ABOUT = "grosmc_mj"
 _PARQUET = ".parquet"
@@ -82,6 +82,8 @@ class Trajectory:
         output_disturbance: Disturbances of the states as they are measured, (..., N, n); None if
             none was given.
         rate_disturbance: Disturbances of the rates of states, (..., N, n); None if none was given.
+        acting: The input as it acts on the plant, with its disturbance, (..., N): of a motor the
+            torque at its joint. None where it was not computed, see ``acting.with_acting``.
     """
 
     system: System
@@ -102,6 +104,12 @@ class Trajectory:
     input_disturbance: Array | None = None
     output_disturbance: Array | None = None
     rate_disturbance: Array | None = None
+    acting: Array | None = None
+
+    @property
+    def applied(self) -> Array:
+        """The input as it acts if motors stand in its place, else what the actuators give."""
+        return self.input if self.acting is None else self.acting
 
     @property
     def disturbed(self) -> NDArray[np.bool_] | None:
@@ -172,7 +180,8 @@ class Trajectory:
         signals: list[tuple[str, _Labels, Array | None]] = [
             ("state", _labels(states), self.state),
             ("seen", _labels(states, "{} seen"), self.seen),
-            ("input", _labels(inputs), self.input),
+            ("input", _labels(inputs, "{}" if self.acting is None else "{} given"), self.input),
+            ("acting", _labels(inputs), self.acting),
             ("command", _labels(inputs, "{} asked"), self.command),
             ("sliding", _numbered("s", sliding_unit, self.sliding), self.sliding),
             ("weighed", _numbered("v", "", self.weighed), self.weighed),
@@ -356,7 +365,7 @@ def _restored(table: Any) -> Trajectory:
         raise ArgumentError("time must be finite and increasing")
 
     about = json.loads(table.schema.metadata[_ABOUT.encode()])
-    signals: dict[str, Any] = dict.fromkeys(("sliding", "wrench", "physics", "seen"))
+    signals: dict[str, Any] = dict.fromkeys(("sliding", "wrench", "physics", "seen", "acting"))
     memory: dict[str, Array] = {}
     for signal, (names, shape) in about["signals"].items():
         rows = _rows(table, names)

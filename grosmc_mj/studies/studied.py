@@ -158,6 +158,7 @@ def limits_in(
             requirement_of(kind, of_any_law, [controller], plants, case.duration) for kind in kinds
         ]
 
+    limits_of_law = case.judged_on_motors(limits_of_law)
     judged, _notes = decidable(limits_of_law, min(case.onset, case.duration))
     return of_laws(judged, {controller.name})
 

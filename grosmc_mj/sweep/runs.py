@@ -22,6 +22,7 @@ from grosmc_mj.requirements.measurement import Measurement
 from grosmc_mj.requirements.requirement import Requirement
 from grosmc_mj.requirements.run_metrics import metrics_of_simulations
 from grosmc_mj.requirements.transient import initial_error
+from grosmc_mj.simulation.acting import with_acting
 from grosmc_mj.simulation.prepare import number_of_steps
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
@@ -427,14 +428,16 @@ def _recorded_metrics(
     batch: Trajectory, runs: Sequence[Run], limits: Sequence[Requirement]
 ) -> dict[str, Array]:
     """Return the metrics of recorded runs by name, (n,) each."""
-    metrics = {}
-    for limit in limits:
-        values = np.full(len(runs), np.inf)
-        for i, run in enumerate(runs):
-            if batch.status[i] is Status.COMPLETED:
-                conditions = run.case.conditions(run.plant)
-                values[i] = limit.of_record(batch[i], run.law, conditions)
-        metrics[limit.metric] = values
+    metrics = {limit.metric: np.full(len(runs), np.inf) for limit in limits}
+    if not limits:
+        return metrics
+    for i, run in enumerate(runs):
+        if batch.status[i] is not Status.COMPLETED:
+            continue
+        recorded = with_acting(batch[i], run.plant)
+        conditions = run.case.conditions(run.plant)
+        for limit in limits:
+            metrics[limit.metric][i] = limit.of_record(recorded, run.law, conditions)
     return metrics
 
 
