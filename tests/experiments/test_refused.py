@@ -65,6 +65,15 @@ def test_a_run_that_ends_in_its_first_step_fails_its_requirements(
     assert all(isinstance(line, str) for line in notes_on(result.case, [result]))
 
 
+@pytest.mark.parametrize("formula", ["sqrt(0.01 - t)", "log(0.01 - t)", "1/(t - 0.01)"])
+def test_a_reference_without_a_value_during_the_run_is_refused(tmp_path, formula) -> None:
+    """The law may have run by it: its own error is no answer."""
+    law = "frequency = 6\ndamping = 0.7\n"
+    case = load(tmp_path, f'{short_step("pd")}{law}[task]\nreference = ["{formula}"]\n')
+    with pytest.raises(ArgumentError, match=r"no value or no derivative at t = 0.01 s"):
+        case.run("physics", "pd")
+
+
 # A part of a sound text, the mistake in its place, and words of the line.
 ARMS = [
     ('system = "arm"', 'sytem = "arm"', "plant: unknown key 'sytem': did you mean 'system'?"),

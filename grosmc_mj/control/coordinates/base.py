@@ -453,12 +453,26 @@ class OutputCoordinates(Coordinates):
         return self._reference_rows(t, p.reference)[:, derivatives]
 
     def _reference_rows(self, time: ArrayLike, parameters: Any) -> Array:
-        """All values of the reference at the instants, a row for each."""
+        """All values of the reference at the instants, a row for each.
+
+        Raises:
+            ArgumentError: If it or a derivative is not defined at one of them.
+        """
         times = np.asarray(time, float)
         if not getattr(self.reference, "moves", True):
             values = np.array(self.reference(0.0, parameters))
             return np.tile(values, (len(times), 1))
-        return np.array([self.reference(t, parameters) for t in times.tolist()])
+
+        rows = []
+        for t in times.tolist():
+            try:
+                rows.append(self.reference(t, parameters))
+            except (ArithmeticError, ValueError) as error:
+                raise ArgumentError(
+                    f"the reference has no value or no derivative at t = {t:.6g} s ({error}): "
+                    "give one that has them during the whole run"
+                ) from error
+        return np.array(rows)
 
     def placed(self, t: float, z: ArrayLike, p: Any) -> Array:
         """T(x) of every state with this error z, (size,); returns (size,)."""
