@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import grosmc_mj
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.controller import Controller, custom_controller
 from grosmc_mj.control.switching import SWITCHINGS
@@ -196,10 +197,26 @@ def test_sanitizers_find_nothing_in_a_law(real: str, target: str, tmp_path: Path
 DECIMAL = re.compile(r"-?\b\d+(?:\.\d+(?:e[+-]?\d+)?|e[+-]?\d+)\b")
 
 
+# Where a function stands: file and line.
+SOURCE = re.compile(r"\[(\w+\.py):(\d+)\]")
+
+
 def parted(source: str) -> tuple[str, list[float]]:
-    """Return a C file without its decimal numbers, and these numbers."""
+    """Return a C file without its decimal numbers and the lines of its sources; these numbers."""
     numbers = [float(number) for number in DECIMAL.findall(source)]
-    return DECIMAL.sub("#", source), numbers
+    return SOURCE.sub(r"[\1]", DECIMAL.sub("#", source)), numbers
+
+
+def test_the_file_names_the_lines_where_functions_begin() -> None:
+    source = law_of("servo/case1", "grosmc", switching="implicit").source
+    package = Path(grosmc_mj.__file__).parent
+    begins = []
+    for file, number in SOURCE.findall(source):
+        texts = [path.read_text(encoding="utf-8").splitlines() for path in package.rglob(file)]
+        lines = [text[int(number) - 1].lstrip() for text in texts if len(text) >= int(number)]
+        begins.append(any(line.startswith(("def ", "@")) for line in lines))
+    assert begins
+    assert all(begins)
 
 
 def test_the_file_is_the_one_that_was_reviewed() -> None:
