@@ -100,18 +100,7 @@ def prediction_errors(
 
     if not rows:
         raise ArgumentError("; ".join(notes))
-    return rows, [*_shorter_notes(log, horizon, rows[0].horizons[-1]), *notes]
-
-
-def _shorter_notes(log: Log, horizon: float, reached: float) -> list[str]:
-    """A line if predictions of a log reach less far than they were asked to [s]."""
-    # The last sample of a prediction may lie up to a sampling before its end.
-    if reached > horizon - 1.5 * log.sampling:
-        return []
-    parts = f"the part of {log.name} that is predicted is no longer"
-    if len(log.pieces) > 1:
-        parts = f"none of the {len(log.pieces)} parts of {log.name} between its gaps is longer"
-    return [f"predictions reach {reached:.3g} s, not {horizon:g} s: {parts}"]
+    return rows, notes
 
 
 def _move_nothing(

@@ -23,8 +23,7 @@ _SLIPS = (
 )
 # Inputs that leave this share of the error explain little.
 _POOR = 0.9
-# Without a slip they leave an error that is so many times less, than the fit does and than all of
-# the motion: a column that is scaled until the plant no longer matters leaves just that.
+# Without a slip they leave an error that is so many times less.
 _BETTER = 1.2
 
 
@@ -42,12 +41,11 @@ def likely_slip(predictor: Predictor, model: LogModel, unexplained: float) -> st
     if unexplained <= _POOR:
         return ""
 
-    little = min(unexplained, 1.0) / _BETTER
     inputs = [signal.name for signal in model.plant.system.inputs]
     for name in (*predictor.log.states, *inputs):
         for factor, words in _SLIPS:
             mended = replace(predictor, log=_scaled(predictor.log, name, factor, inputs))
-            if unexplained_share(mended, model) < little:
+            if unexplained_share(mended, model) < unexplained / _BETTER:
                 return (
                     f"{name} seems to {words}: the fit leaves {unexplained:.0%} of the motion "
                     "unexplained, and the case's plant far less then; if so, say it in the unit "

@@ -22,7 +22,7 @@ _BRACKETS = {"]": "[", ")": "("}
 # Headers that a message lists.
 _LISTED = 12
 # Larger numbers come from damage; a time of nanoseconds since 1970 is smaller.
-LARGEST = 1e20
+_LARGEST = 1e20
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,11 +73,15 @@ class Column:
     def from_first(self, factor: float) -> Array:
         """The values from the first one on, times a factor.
 
-        A time since 1970 has more digits than a float: the numbers are subtracted as they stand in
-        the file, and rounded once, after the factor.
+        A time since 1970 has more digits than a float: integers and decimal text are subtracted
+        exactly, and rounded once, after the factor.
         """
-        assert self.written is not None
-        return steps_from_first(self.written, factor)
+        steps = None
+        if self.written is not None:
+            steps = steps_from_first(self.written, factor)
+        if steps is None:
+            steps = (self.values - self.values[0]) * factor
+        return steps
 
     def held(self, time: Array) -> Array:
         """The last value before each instant."""
@@ -129,7 +133,7 @@ class Column:
         if self.refused:
             raise ArgumentError(f"{self.header}: {self.refused}")
         # False for NaN too.
-        is_number = np.abs(self.values) <= LARGEST
+        is_number = np.abs(self.values) <= _LARGEST
         if np.all(is_number):
             return
 

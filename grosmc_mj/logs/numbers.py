@@ -68,28 +68,28 @@ def are_instants(column: pa.ChunkedArray) -> bool:
     return pa.types.is_timestamp(kind) or pa.types.is_duration(kind)
 
 
-def steps_from_first(column: pa.ChunkedArray, factor: float) -> Array:
+def steps_from_first(column: pa.ChunkedArray, factor: float) -> Array | None:
     """Return the numbers of a column from its first one on, times a factor, rounded once.
 
-    A float is taken for the shortest decimal number that it stands for, so that it gives the same
-    as the text that it was read from.
-
     Args:
-        column: Numbers, or texts that are numbers, without gaps.
+        column: Integers, decimals, or texts that are numbers, without gaps.
         factor: Taken for the decimal number that it is written as, such as 0.001.
 
     Returns:
-        (N,).
+        (N,); None for a column of floats or of instants.
     """
+    kind = column.type
+    is_exact = pa.types.is_integer(kind) or pa.types.is_decimal(kind)
+    if not is_exact and (not pa.types.is_string(kind) or are_instants(column)):
+        return None
+
     with localcontext(_EXACT):
-        first = Decimal(str(column[0].as_py()))
+        first = Decimal(column[0].as_py())
         scale = Decimal(repr(factor))
         steps = np.empty(len(column))
         for begin in range(0, len(column), _ROWS):
             values = column.slice(begin, _ROWS).to_pylist()
-            steps[begin : begin + _ROWS] = [
-                float((Decimal(str(value)) - first) * scale) for value in values
-            ]
+            steps[begin : begin + _ROWS] = [float((Decimal(v) - first) * scale) for v in values]
         return steps
 
 

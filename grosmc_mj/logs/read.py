@@ -21,7 +21,7 @@ from grosmc_mj.logs.clean import (
     unwrapped,
     used_samples,
 )
-from grosmc_mj.logs.columns import LARGEST, Column, called, column_of, some
+from grosmc_mj.logs.columns import Column, called, column_of, some
 from grosmc_mj.logs.files import columns_of
 from grosmc_mj.logs.log import Log
 from grosmc_mj.logs.table import ColumnTable, LogTable
@@ -203,25 +203,10 @@ def _signal(
     named = named or ColumnTable(column=column.header)
     factor = _factor(named.unit or column.unit, signal, column.header, gear)
     scale = named.sign * factor * named.scale
-    # Rejected below where it overflows.
-    with np.errstate(over="ignore"):
-        values = scale * (column.values - named.offset)
-    _require_plausible(column, values, signal)
+    values = scale * (column.values - named.offset)
     if named.periodic:
         values = unwrapped(signal, values)
     return replace(column, values=values)
-
-
-def _require_plausible(column: Column, values: Array, signal: Signal) -> None:
-    """Refuse a scale or a unit that makes numbers which no machine has."""
-    is_plausible = np.abs(values) <= LARGEST
-    if not np.all(is_plausible):
-        index = int(np.argmin(is_plausible))
-        raise ArgumentError(
-            f"{column.header}: {column.values[index]:.6g} in {column.place(index)} becomes "
-            f"{values[index]:.6g} {signal.unit}, beyond {LARGEST:g}: correct scale, offset or unit "
-            "of its column"
-        )
 
 
 def _factor(written: str, signal: Signal, header: str, gear: float | None) -> float:

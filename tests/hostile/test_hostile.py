@@ -6,12 +6,7 @@ import json
 import os
 import random
 import re
-import shutil
-import time
-from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import mcap.writer
 import pyarrow as pa
@@ -19,20 +14,15 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 import pytest
 from case_texts import RIVAL
-from commands import run
 from mjcf import TREE
+from trial import Trial
 
-from grosmc_mj import cli
-from grosmc_mj.cli import screen
-from grosmc_mj.errors import MISTAKE_SEPARATOR
 from grosmc_mj.experiments.file.shipped import CASES, campaign_files, shipped_files
 
 pytestmark = [pytest.mark.slow, pytest.mark.apart]
 
 # So many times as many mutations; `make hostile` asks for more.
 TIMES = int(os.environ.get("HOSTILE", "1"))
-_PROGRESS = re.compile(r"^\d+ of \d+ in [^\n]*\n", re.M)
-_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 # In place of a number, or no number that anything should be.
 NUMBERS = (
@@ -189,85 +179,6 @@ def mutant(text: str, rng: random.Random, canary: str) -> tuple[str, str]:
     program = f"__import__('pathlib').Path({canary!r}).touch()"
     code = "".join(f"\\\\{ord(letter):o}" for letter in program)
     return kind, mutated(text, rng, kind).replace("CANARY", code)
-
-
-def is_one_line(error: str) -> bool:
-    """Whether it is one clear line, or one for each of several mistakes and their number."""
-    # Numbers that are allowed and probably a slip have a line of their own before it.
-    lines = error.splitlines(keepends=True)
-    error = "".join(line for line in lines if " is implausible; usual: " not in line)
-    if not error.endswith("\n") or "unforeseen" in error:
-        return False
-
-    first, *mistakes = error.removesuffix("\n").split(MISTAKE_SEPARATOR)
-    if not first.startswith("grosmc-mj: "):
-        return False
-    if mistakes and not first.endswith(f"{len(mistakes)} mistakes:"):
-        return False
-    return all("\n" not in line and len(line) <= 1100 for line in (first, *mistakes))
-
-
-class Trial:
-    """Runs commands in a hostile folder, each of which must end as it may, and counts the ends.
-
-    ``canary`` exists once something was executed.
-    """
-
-    def __init__(self, capture: pytest.CaptureFixture[str], folder: Path) -> None:
-        self._capture = capture
-        self._folder = folder
-        self.canary = folder.parent / "canary-was-executed"
-        self.ends = Counter[int]()
-        for name in ("canary", "json", "numpy", "module"):
-            (folder / f"{name}.py").write_text(f"open({str(self.canary)!r}, 'w').close()\n")
-        self._files = set(folder.iterdir())
-
-    def run(self, name: str, *arguments: Any, leaves: bool = False) -> None:
-        """Run a command, named in words, that may leave files in the working folder or not."""
-        self._capture.readouterr()
-        began = time.process_time()
-        code = run(*arguments)
-        seconds = time.process_time() - began
-        output = self._capture.readouterr()
-        new = self._remove_new()
-        assert not self.canary.exists(), f"{name} was executed"
-        assert leaves or not new, f"{name} left {new} behind"
-        assert seconds <= 20, name
-        assert not _CONTROL.search(output.out + output.err), name
-        # A busy machine is slow enough for lines of progress.
-        error = _PROGRESS.sub("", output.err)
-        if code == cli.WRONG:
-            assert is_one_line(error), f"{name}: {error[-300:]!r}"
-        else:
-            assert code in (cli.DONE, cli.DIFFERS), name
-            assert error == "", name
-        self.ends[code] += 1
-
-    def _remove_new(self) -> set[Path]:
-        """Remove what a command has left in the working folder, and return it."""
-        new = set(self._folder.iterdir()) - self._files
-        for path in new:
-            if path.is_dir():
-                shutil.rmtree(path)
-            else:
-                path.unlink()
-        return new
-
-
-@pytest.fixture
-def hostile(
-    capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[Trial]:
-    folder = tmp_path / "working"
-    folder.mkdir()
-    monkeypatch.chdir(folder)
-    # No line of progress, however slow the machine is.
-    monkeypatch.setattr(screen, "LINE_EVERY", float("inf"))
-    trial = Trial(capfd, folder)
-    yield trial
-    # An oracle that calls everything an error would see nothing.
-    assert trial.ends[cli.WRONG] > 0
-    assert trial.ends[cli.DONE] + trial.ends[cli.DIFFERS] > 0
 
 
 # Mutants of a file, and of a file whose laws take long to design.

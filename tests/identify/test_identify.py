@@ -289,44 +289,6 @@ def test_another_sign_or_unit_of_a_column_is_noticed(
     assert line.startswith(words)
 
 
-@pytest.mark.parametrize("name", ["rotor angle", "current"])
-def test_a_scale_that_only_hides_the_plant_is_no_slip(
-    log: Log, experiment: Experiment, name: str
-) -> None:
-    """Another input moved the machine: a tiny current, or a huge angle, explains nothing."""
-    slow = np.sin(1.3 * log.time) + 0.5 * np.sin(2.9 * log.time)
-    other = replace(log, states={"rotor angle": 0.2 * slow})
-    predictor = Predictor.of(other, **HOW)
-    model = LogModel(experiment.plant("physics"))
-    unexplained = unexplained_share(predictor, model)
-    assert unexplained > 1.2
-
-    hidden = replace(other, inputs=1e-3 * other.inputs)
-    if name == "rotor angle":
-        hidden = replace(other, states={name: 1e3 * other.states[name]})
-    share = unexplained_share(replace(predictor, log=hidden), model)
-    assert 0.9 < share < unexplained / 1.2
-    assert likely_slip(predictor, model, unexplained) == ""
-
-
-def test_predictions_that_gaps_shorten_are_told(experiment: Experiment, log: Log) -> None:
-    """A gap of 8 ms every quarter of a second leaves no part of a second."""
-    lost = np.arange(len(log.time)) % 125 < 4
-    starts = np.flatnonzero(~lost & np.append(True, lost[:-1]))
-    rows = {name: values[~lost] for name, values in log.states.items()}
-    pieces = [slice(121 * k, 121 * (k + 1)) for k in range(len(starts))]
-    broken = replace(
-        log, time=log.time[~lost], inputs=log.inputs[~lost], states=rows, pieces=pieces
-    )
-    models = {"physics": LogModel(experiment.plant("physics"))}
-    _, notes = prediction_errors(models, log, horizon=1.0, timestep=1e-3)
-    assert notes == []
-    found, (note,) = prediction_errors(models, broken, horizon=1.0, timestep=1e-3)
-    reached = found[0].horizons[-1]
-    assert reached == pytest.approx(0.24 - 0.1, abs=0.005)
-    assert note.startswith(f"predictions reach {reached:.3g} s, not 1 s: none of the 16 parts of")
-
-
 def test_a_held_input_is_late_by_any_delay_without_jumps() -> None:
     time = np.arange(5) * 0.1
     values = np.array([[0.0], [1.0], [1.0], [3.0], [0.0]])

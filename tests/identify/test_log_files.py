@@ -135,17 +135,6 @@ def test_nanoseconds_of_a_parquet_file_are_those_from_0_to_the_bit(
     assert_equal(read_log(path, SERVO, None), read_log(plain, SERVO, None))
 
 
-def test_seconds_of_a_parquet_file_are_those_of_their_text(tmp_path: Path) -> None:
-    """A float stands for the shortest number that it is nearest to."""
-    plain = tmp_path / "plain.csv"
-    plain.write_text(csv_text())
-    seconds = np.array([float(f"{BEGIN}.{ms:03d}") for ms in MILLISECONDS])
-    assert not np.array_equal(seconds - seconds[0], TIME)
-    path = tmp_path / "log.parquet"
-    pq.write_table(pa.table({"time": seconds, "current": CURRENT, "rotor angle": ANGLE}), path)
-    assert_equal(read_log(path, SERVO, None), read_log(plain, SERVO, None))
-
-
 def test_nanoseconds_of_a_matlab_file_are_those_from_0_to_the_bit(tmp_path: Path) -> None:
     plain = tmp_path / "plain.csv"
     plain.write_text(csv_text())
@@ -324,17 +313,6 @@ def test_other_kinds_of_text_in_a_parquet_file_are_read(tmp_path: Path, kind: pa
     path = tmp_path / "log.parquet"
     pq.write_table(pa.table({"time": texts, "current": CURRENT, "rotor angle": ANGLE}), path)
     assert_equal(read_log(path, SERVO, None), read_log(plain, SERVO, None))
-
-
-@pytest.mark.parametrize("scale", [1e30, -1e25])
-def test_a_scale_that_no_machine_has_is_refused(tmp_path: Path, scale: float) -> None:
-    path = tmp_path / "log.csv"
-    path.write_text(csv_text())
-    column = {"column": "rotor angle [rad]", "scale": scale}
-    table = LogTable.model_validate({"columns": {"rotor angle": column}})
-    words = r"rotor angle \[rad\]: .* in line \d+ becomes .* rad, beyond 1e\+20: correct scale"
-    with pytest.raises(ArgumentError, match=words):
-        read_log(path, SERVO, table)
 
 
 # -- paths that are no logs ------------------------------------------------------------------------

@@ -112,10 +112,8 @@ class IdentifyCommand(_OfLog):
 
         rows = quality(errors, held_out.log, plant.system)
         found = best.model(plant)
-        predicted, notes = prediction_errors(
-            {"fitted": found}, held_out.log, self.horizon, timestep
-        )
-        doubts = [*log.notes, *notes, *filter(None, [slip(best, fitted, plant)])]
+        predicted, _ = prediction_errors({"fitted": found}, held_out.log, self.horizon, timestep)
+        doubts = [*log.notes, *filter(None, [slip(best, fitted, plant)])]
         doubts += unexplained_moments([found], log, self.horizon, timestep)
         result = identification(
             best, rows, predicted, log.name, self.horizon, self.hold_out, doubts
