@@ -6,11 +6,11 @@ import re
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property, lru_cache, partial
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -586,7 +586,17 @@ class Experiment:
 
         Args:
             changes: Attributes, such as ``x0``, ``duration``, ``edits``, ``disturbances``.
+
+        Raises:
+            ArgumentError: If there is no such attribute, or equations get edits of a model.
         """
+        for name in changes:
+            require_known("attribute", name, [item.name for item in fields(self) if item.init])
+        if changes.get("edits") and not self.nominal.has_model:
+            raise ArgumentError(
+                f"{self.system} has no model in MuJoCo to edit: change a parameter, with "
+                'changed({"edit.NAME.scale": ...})'
+            )
         return replace(self, **changes)
 
     def changed(self, changes: Mapping[str, Any]) -> Experiment:
@@ -612,19 +622,51 @@ class Experiment:
         # A file with further laws, or of a campaign, keeps its other tables.
         owners = {re.split(r"[.\[]", path)[0] for path in changes}
         tables = self.file.model_copy(update={owner: getattr(file, owner) for owner in owners})
+        if "controller" in owners:
+            # Laws that ``with_laws`` has added.
+            added = self.file.controller[len(before.file.controller) :]
+            tables = tables.model_copy(update={"controller": [*file.controller, *added]})
         tables._content = content
+        self._refuse_overruled(changes)
+
+        # All else that was varied stays.
+        named = {path.partition(".")[2] for path in changes if path.startswith("run.")}
         settings = _different(before.settings, after.settings, vars(after.settings))
+        settings |= {name: getattr(after.settings, name) for name in named & {*vars(self.settings)}}
+        values = {name: _joined(name, before, after, self) for name in _OF_FILE}
+        values |= {name: getattr(after, name) for name in named & {"duration"}}
+        values["x0"] = self._changed_start(before, after, named)
+        if owners & {"edit", "plant", "design"}:
+            scales = after.nominal.scales
+            if self.nominal.scales != before.nominal.scales:
+                scales = _joined("scales", before.nominal, after.nominal, self.nominal)
+            values["nominal"] = replace(after.nominal, scales=scales)
         changed = replace(
             self,
             file=tables,
             settings=replace(self.settings, **settings),
             _designs=after._designs,
         )
-        # All else that was varied stays.
-        values = _different(before, after, _OF_FILE)
-        if owners & {"edit", "plant", "design"}:
-            values["nominal"] = after.nominal
         return changed.varied(**values)
+
+    def _changed_start(
+        self, before: Experiment, after: Experiment, named: Iterable[str]
+    ) -> tuple[float, ...]:
+        """Return the start after a change of some states: each other one as it was varied."""
+        start = list(self.x0)
+        for index, signal in enumerate(self.nominal.system.states):
+            if after.x0[index] != before.x0[index] or f"start.{signal.name}" in named:
+                start[index] = after.x0[index]
+        return tuple(start)
+
+    def _refuse_overruled(self, paths: Iterable[str]) -> None:
+        """Refuse changes of a controller's number that a setting for all laws replaces."""
+        for path in paths:
+            name = path.rpartition(".")[2]
+            if path.startswith("controller.") and name in self.asked:
+                raise ArgumentError(
+                    f"{path!r}: {name} is set for all laws: leave it out of with_settings"
+                )
 
     def run(self, plant: PlantName | None = None, law: str | None = None) -> RunResult:
         """Run one controller on one plant.
@@ -827,6 +869,56 @@ def _different(before: Any, after: Any, names: Iterable[str]) -> dict[str, Any]:
     """Return the attributes of these names that have changed, by name."""
     values = {name: getattr(after, name) for name in names}
     return {name: value for name, value in values.items() if value != getattr(before, name)}
+
+
+def _joined(name: str, before: Any, after: Any, varied: Any) -> Any:
+    """Return an attribute after a change of the file, and after what was varied.
+
+    Of tuples, each entry counts for itself; of a loop each of its parts.
+
+    Args:
+        name: Name of the attribute.
+        before: Owner of the file's value before the change.
+        after: Owner of the one after it.
+        varied: Owner of the one that was varied.
+
+    Raises:
+        ArgumentError: If what was changed is no longer there.
+    """
+    old = getattr(before, name)
+    new = getattr(after, name)
+    own = getattr(varied, name)
+    if new == old:
+        return own
+    if own == old:
+        return new
+    if is_dataclass(own) and type(old) is type(new) is type(own):
+        parts = {item.name: _joined(item.name, old, new, own) for item in fields(own)}
+        return replace(cast(Any, own), **parts)
+    if isinstance(own, tuple) and isinstance(old, tuple) and isinstance(new, tuple):
+        joined = list(own)
+        for entry, instead in zip(old, new, strict=False):
+            if entry == instead:
+                continue
+            if entry not in joined:
+                _refuse_lost(name)
+            joined[joined.index(entry)] = instead
+        return (*joined, *new[len(old) :])
+    if own is None or old is None or new is None:
+        _refuse_lost(name)
+    return new
+
+
+def _refuse_lost(name: str) -> None:
+    """Refuse a change of what was replaced before.
+
+    Raises:
+        ArgumentError: Always.
+    """
+    raise ArgumentError(
+        f"{name} was replaced by varied(...), so that a change in the file has no place: change it "
+        "first, and vary it then"
+    )
 
 
 def _designs_for(file: CaseFile, system: System) -> dict[Any, Controller]:

@@ -81,6 +81,11 @@ class NominalPlant:
         return {} if self.robot is None else dict(self.robot.gears)
 
     @property
+    def has_model(self) -> bool:
+        """Whether there is a model in MuJoCo, which edits change."""
+        return isinstance(self.plant, MujocoPlant)
+
+    @property
     def rest(self) -> tuple[float, ...] | None:
         """State of its operating point, if it has one."""
         if self.at is None:

@@ -1,6 +1,9 @@
 """Numbers of an experiment by path: one meaning with the file, one line for each mistake."""
 
+import itertools
 import re
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +12,8 @@ import pytest
 
 import grosmc_mj as gm
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.loop import Loop
+from grosmc_mj.physics.edits import BodyEdit, JointEdit
 
 FILE = """
 [plant]
@@ -109,6 +114,104 @@ def test_other_variations_stay(experiment: Experiment) -> None:
     assert changed.x0 == (0.5, 0.0)
     assert changed.settings.timestep == 5e-4
     assert changed.controllers == ["lqr"]
+
+
+VARIATIONS: dict[str, Callable[[Experiment], Experiment]] = {
+    "start": lambda e: e.varied(x0=(0.5, 1.0)),
+    "number of a start": lambda e: e.changed({"run.start.rotor angle": "20 deg"}),
+    "edit": lambda e: e.varied(edits=(*e.edits, JointEdit("shaft", damping=0.2))),
+    "number of an edit": lambda e: e.changed({"edit.rotor.mass_scale": 2.0}),
+    "settings": lambda e: e.with_settings(timestep=5e-4, surface="discrete"),
+    "number of the loop": lambda e: e.changed({"sensor.rotor angle.delay": "2 ms"}),
+    "loop": lambda e: e.varied(loop=replace(none_if_lost(e.loop), seed=7)),
+    "laws": lambda e: e.with_laws(["lqr", "lqi"]),
+    "number of a law": lambda e: e.changed({"laws.grosmc.epsilon": 3.0}),
+    "number of a controller": lambda e: e.changed({"controller.grosmc.switching": "implicit"}),
+    "load": lambda e: e.varied(disturbances=e.disturbances[:1]),
+    "number of a load": lambda e: e.changed({"disturbance.load[1].amplitude": 0.3}),
+}
+
+
+def none_if_lost(loop: Loop | None) -> Loop:
+    assert loop is not None
+    return loop
+
+
+def facts(e: Experiment) -> dict[str, Any]:
+    """What each variation has changed."""
+    loop = none_if_lost(e.loop)
+    return {
+        "start": e.x0[1],
+        "number of a start": round(e.x0[0], 6),
+        "edit": [edit.damping for edit in e.edits if isinstance(edit, JointEdit)],
+        "number of an edit": [edit.mass_scale for edit in e.edits if isinstance(edit, BodyEdit)],
+        "settings": (e.settings.timestep, e.settings.surface),
+        "number of the loop": [sensor.delay for sensor in loop.sensors],
+        "loop": loop.seed,
+        "laws": e.controllers,
+        "number of a law": e.file.laws["grosmc"].numbers.get("epsilon"),
+        "number of a controller": e.file.law("grosmc").switching,
+        "load": len(e.disturbances),
+        "number of a load": getattr(e.disturbances[0], "amplitude", None),
+    }
+
+
+# A start replaces a number of it.
+ORDERS = [
+    (first, second)
+    for first, second in itertools.permutations(VARIATIONS, 2)
+    if (first, second) != ("number of a start", "start")
+]
+
+
+@pytest.mark.parametrize(("first", "second"), ORDERS)
+def test_each_of_two_variations_stays(first: str, second: str, experiment: Experiment) -> None:
+    of_first = facts(VARIATIONS[first](experiment))[first]
+    alone = VARIATIONS[second](experiment)
+    both = facts(VARIATIONS[second](VARIATIONS[first](experiment)))
+    assert both[second] == facts(alone)[second]
+    assert both[first] == of_first
+
+
+def test_a_number_of_the_file_itself_replaces_what_was_varied(experiment: Experiment) -> None:
+    varied = experiment.varied(duration=1.0, x0=(0.5, 1.0)).with_settings(timestep=5e-4)
+    changes = {"run.duration": "0.02 s", "run.start.rotor angle": "20 deg", "run.timestep": 1e-3}
+    changed = varied.changed(changes)
+    assert changed.duration == 0.02
+    assert changed.x0 == (experiment.x0[0], 1.0)
+    assert changed.settings.timestep == 1e-3
+
+
+@pytest.mark.parametrize(
+    ("vary", "path", "words"),
+    [
+        (lambda e: e.varied(loop=None), "sensor.rotor angle.delay", "loop was replaced by varied"),
+        (lambda e: e.varied(edits=()), "edit.rotor.mass_scale", "edits was replaced by varied"),
+        (
+            lambda e: e.varied(disturbances=()),
+            "disturbance.load[2].amplitude",
+            "disturbances was replaced by varied",
+        ),
+        (lambda e: e.varied(start=(0.0, 0.0)), "run.duration", "unknown attribute 'start'"),
+    ],
+)
+def test_a_change_of_what_is_gone_is_refused(
+    vary: Callable[[Experiment], Experiment], path: str, words: str, experiment: Experiment
+) -> None:
+    with pytest.raises(gm.GrosmcError, match=re.escape(words)):
+        vary(experiment).changed({path: 3e-3})
+
+
+def test_a_change_of_what_a_setting_decides_is_refused(experiment: Experiment) -> None:
+    of_all = experiment.with_settings(switching="sign")
+    with pytest.raises(gm.GrosmcError, match="switching is set for all laws: leave it out of with"):
+        of_all.changed({"controller.grosmc.switching": "implicit"})
+
+
+def test_equations_have_no_model_to_edit() -> None:
+    maglev = Experiment.load("maglev/warm")
+    with pytest.raises(gm.GrosmcError, match="has no model in MuJoCo to edit: change a parameter"):
+        maglev.varied(edits=(BodyEdit("rod", 2.0),))
 
 
 @pytest.mark.parametrize(
