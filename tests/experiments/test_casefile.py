@@ -214,6 +214,9 @@ def test_the_complete_text_of_a_shipped_file_is_its_whole_content(name: str) -> 
         ('"mine.toml"', "mine.toml extends this file in turn"),
         ('"other.toml"', "other.toml: cannot be read: No such file"),
         ('"../common.toml"', "must be a file beside it"),
+        ('"servo/machin"', "unknown case 'servo/machin': did you mean 'servo/machine'?"),
+        ('"servos"', "unknown case 'servos': .*or a file beside it, whose name ends in .toml"),
+        ('"/etc/passwd"', "unknown case '/etc/passwd'"),
         ("3", "extends = 3 must be a file beside it"),
     ],
 )
@@ -354,3 +357,63 @@ def test_the_machine_of_the_starter_is_one(tmp_path: Path) -> None:
     assert isinstance(plant, MujocoPlant)
     assert [part.kind for part in plant.parts] == [name.replace("_", " ") for name in MACHINE]
     assert {state.kind for state in plant.hidden_states} == {"twist", "load", "bristle"}
+
+
+# A case of the package as a base.
+
+OWN_WEIGHTS = """
+extends = "{case}"
+[task]
+R = {R}
+"""
+
+
+def of_case(folder: Path, case: str, **numbers: object) -> Experiment:
+    path = folder / "mine.toml"
+    path.write_text(OWN_WEIGHTS.format(case=case, R=numbers.get("R", 2.0)), encoding="utf-8")
+    return Experiment.load(path)
+
+
+def test_a_shipped_machine_runs_with_weights_of_ones_own(tmp_path: Path) -> None:
+    shipped_machine = Experiment.load("servo/machine")
+    mine = of_case(tmp_path, "servo/machine", R=0.25)
+    assert mine.name == "mine"
+    assert mine.edits == shipped_machine.edits
+    assert mine.loop == shipped_machine.loop
+    # For the double integrator of eq. (7) a weight of a quarter doubles the gain of the angle.
+    gains = [e.law("physics", "lqr").designed.gains["K1"] for e in (mine, shipped_machine)]
+    assert gains[0] / gains[1] == pytest.approx(2.0)
+
+
+def test_a_chain_of_files_may_end_in_the_package(tmp_path: Path) -> None:
+    of_case(tmp_path, "servo/case1")
+    further = tmp_path / "further.toml"
+    further.write_text('extends = "mine.toml"\n[run]\nduration = "0.02 s"\n', encoding="utf-8")
+    experiment = Experiment.load(further)
+    assert experiment.duration == 0.02
+    assert experiment.file.task.R == 2.0
+    assert experiment.disturbances == Experiment.load("servo/case1").disturbances
+
+
+def test_a_system_is_the_file_that_its_cases_share(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    run = '[run]\nduration = "0.02 s"\n'
+    path.write_text(f'extends = "servo"\n{run}[[controller]]\nlaw = "lqr"\n', encoding="utf-8")
+    assert Experiment.load(path).system == "servo"
+
+
+@pytest.mark.parametrize("case", ["ball_beam/balance", "maglev/warm", "own_laws/pid"])
+def test_files_that_a_shipped_case_names_are_found_beside_it(case: str, tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(f'extends = "{case}"\n', encoding="utf-8")
+    mine = Experiment.load(path)
+    theirs = Experiment.load(case)
+    assert mine.controllers == theirs.controllers
+    assert mine.nominal.system.name == theirs.nominal.system.name
+    assert parse_case_file(complete_text(path), path) == read_case_file(path)
+
+
+def test_a_folder_called_like_a_system_is_not_looked_into(tmp_path: Path) -> None:
+    (tmp_path / "servo").mkdir()
+    (tmp_path / "servo" / "machine.toml").write_text("[run]\nduration = 1.0\n", encoding="utf-8")
+    assert of_case(tmp_path, "servo/machine").parts

@@ -1,9 +1,10 @@
 """The values of a case file, with those of the files that it takes from.
 
-A file takes from another one by ``extends = "base.toml"``, and on a system of the package from the
-base file of that system, so that its laws have their numbers everywhere. Tables are merged key by
-key, and the file's own values count; everything else, arrays of tables too, is the file's own or,
-if it has none, the base's.
+A file takes from another one by ``extends = "base.toml"``, a file beside it, or by ``extends =
+"servo/machine"``, a case of the package, and on a system of the package from the base file of that
+system, so that its laws have their numbers everywhere. Tables are merged key by key, and the file's
+own values count; everything else, arrays of tables too, is the file's own or, if it has none, the
+base's. Files that an extended file names lie beside that file.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from grosmc_mj.errors import ArgumentError, value_text
-from grosmc_mj.experiments.file.shipped import base_file
+from grosmc_mj.errors import ArgumentError, unknown_name, value_text
+from grosmc_mj.experiments.file.shipped import CASES, base_file, name_in_package, shipped_files
 from grosmc_mj.files import require_regular
 
 Content = dict[str, Any]
@@ -67,6 +68,8 @@ def layers_of(path: Path) -> dict[Path, Content]:
         next_path = None
         if EXTENDS in content:
             next_path = _extended_file(content.pop(EXTENDS), file, [*files, file])
+        if file.parent != path.parent and file.is_relative_to(CASES):
+            _name_files_in_package(content, file)
         files[file] = content
     return _with_system_base(files)
 
@@ -79,14 +82,46 @@ def _extended_file(name: Any, path: Path, above: list[Path]) -> Path:
         path: The case file.
         above: The files that extend it, and itself.
     """
-    if not isinstance(name, str) or Path(name).name != name or not name.endswith(".toml"):
+    if isinstance(name, str) and not name.endswith(".toml"):
+        return _case_of_package(name, path)
+    if not isinstance(name, str) or Path(name).name != name:
         raise ArgumentError(
-            f'{path}: extends = {value_text(name)} must be a file beside it, such as "base.toml"'
+            f'{path}: extends = {value_text(name)} must be a file beside it, such as "base.toml", '
+            'or a case of the package, such as "servo/machine"'
         )
     base = path.parent / name
     if base in above:
         raise ArgumentError(f"{path}: extends: {base.name} extends this file in turn")
     return base
+
+
+def _case_of_package(name: str, path: Path) -> Path:
+    """Return the case of the package that a case file extends; of a system its base file.
+
+    A folder beside the file that is called so is no case of the package, and is not looked into.
+
+    Raises:
+        ArgumentError: If there is no such case.
+    """
+    base = base_file(name)
+    if base is not None:
+        return base
+    cases = shipped_files()
+    if name in cases:
+        return cases[name]
+    raise ArgumentError(
+        f"{path}: extends: {unknown_name('case', name, cases)}; or a file beside it, whose name "
+        "ends in .toml"
+    )
+
+
+def _name_files_in_package(content: Content, path: Path) -> None:
+    """Name the files beside a case of the package so that they are found from elsewhere, too."""
+    plant = content.get("plant")
+    if isinstance(plant, dict) and ":" not in plant.get("model", ":"):
+        plant["model"] = name_in_package(path.with_name(plant["model"]))
+    for table in content.get("measured", []):
+        table["log"] = str(path.parent / table["log"])
 
 
 def read_text(path: Path) -> str:

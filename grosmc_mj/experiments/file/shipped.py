@@ -84,6 +84,11 @@ def base_file(system: str) -> Path | None:
     return None
 
 
+def name_in_package(path: Path) -> str:
+    """Return ``package:path`` of a file of the package, by which case files anywhere name it."""
+    return f"{_PACKAGE.name}:{path.relative_to(_PACKAGE).as_posix()}"
+
+
 def starter() -> str:
     """Return a case file with every key explained."""
     return (CASES / "starter.toml").read_text(encoding="utf-8")
