@@ -18,6 +18,7 @@ from grosmc_mj.identify.hidden import HiddenParameter, hidden_parameter
 from grosmc_mj.identify.intervals import covariance, half_widths
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.parameters import Parameters
+from grosmc_mj.identify.refine import SMALL, refined
 from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.identify.residual import Residual, rescaled, residual_of, searched
 from grosmc_mj.identify.slips import likely_slip, unexplained_share
@@ -37,6 +38,9 @@ class Fit:
         half: Half width of the 95 % interval of each that is fitted.
         unseen: The parameters that the log does not show.
         scales: Standard deviation of each measured state's residual.
+        timesteps: The case's timestep and the shorter one that the values hold at [s].
+        shift: Change of those that are fitted from the first timestep to the second.
+        left: Change of them by the last halving of it, about what is left of its error.
     """
 
     parameters: Parameters
@@ -46,6 +50,31 @@ class Fit:
     half: Array
     unseen: Sequence[HiddenParameter]
     scales: dict[str, float]
+    timesteps: tuple[float, float]
+    shift: Array
+    left: Array
+
+    @property
+    def timestep_words(self) -> str:
+        """Words on what the case's timestep alone would change; empty if that is little."""
+        first, last = self.timesteps
+        if last >= first / 2:
+            return ""
+
+        shares = np.abs(self.shift) / self.half
+        worst = int(np.argmax(shares))
+        quantity = self.parameters.quantities[int(np.flatnonzero(self.fitted)[worst])]
+        shift = f"{abs(self.shift[worst]):.2g} {quantity.unit}".rstrip()
+        direction = "lower" if self.shift[worst] > 0 else "higher"
+        words = (
+            f"fitted at a timestep of {1e3 * last:.3g} ms: at {1e3 * first:.3g} ms {quantity.name} "
+            f"would be {shift} {direction}, {shares[worst]:.2g} of its interval's half width"
+        )
+        # What the intervals hide needs no word.
+        left = float(np.max(np.abs(self.left) / self.half))
+        if left > SMALL:
+            words += f"; a shorter timestep would still change {left:.2g} of one, which they count"
+        return words
 
     def model(self, plant: Plant) -> LogModel:
         """Return the machine with the fitted values.
@@ -108,9 +137,9 @@ def fit(
         values, _ = residual.parts(x)
 
         jacobian = residual.jacobian(x)
-        weak = hidden_parameter(parameters, free, jacobian)
+        weak = hidden_parameter(parameters, free, jacobian, values)
         if weak is None:
-            return _fit_at(residual, x, jacobian, unseen)
+            return _fit_at(residual, x, jacobian, unseen, progress)
 
         unseen.append(weak)
         free = free & (np.array(parameters.names) != weak.held)
@@ -126,22 +155,36 @@ def _searched_twice(residual: Residual, values: Array) -> tuple[Residual, Array]
 
 
 def _fit_at(
-    residual: Residual, x: Array, jacobian: Array, unseen: Sequence[HiddenParameter]
+    residual: Residual,
+    x: Array,
+    jacobian: Array,
+    unseen: Sequence[HiddenParameter],
+    progress: Callable[[str], None],
 ) -> Fit:
-    """The fit at a point of least squares, in the units of the parameters."""
-    values, _ = residual.parts(x)
+    """The fit near a point of least squares, in the units of the parameters."""
     width = residual.width
+    samples, unknowns = jacobian.shape
+    freedom = samples - unknowns
     (errors,) = residual.of([x])
     scaled = covariance(jacobian, errors, len(width), residual.pieces)
-    samples, unknowns = jacobian.shape
+    fine = refined(residual, x, jacobian, half_widths(scaled, freedom), progress)
+
+    (errors,) = fine.residual.of([fine.x])
+    scaled = covariance(jacobian, errors, len(width), residual.pieces)
+    # The timestep's error counts as a standard deviation of its own.
+    scaled = scaled + np.outer(fine.left, fine.left)
+    values, _ = residual.parts(fine.x)
     return Fit(
         parameters=residual.parameters,
         fitted=residual.free,
         values=values,
         covariance=scaled * np.outer(width, width),
-        half=half_widths(scaled, samples - unknowns) * width,
+        half=half_widths(scaled, freedom) * width,
         unseen=unseen,
         scales=residual.scales,
+        timesteps=(residual.predictor.timestep, fine.residual.predictor.timestep),
+        shift=fine.shift * width,
+        left=fine.left * width,
     )
 
 

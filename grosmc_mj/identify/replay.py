@@ -22,6 +22,8 @@ from grosmc_mj.simulation.trajectory import Trajectory
 _FEWEST = 10
 # Share of the horizon that the lead of a window is, at least.
 _LEAD = 0.1
+# Predictions of this share of the horizon count as long.
+_LASTS = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +125,20 @@ class Predictor:
             stop = first + int(np.sum(self.log.time[window.samples] <= window.begin))
             windows.append(Window(slice(first, stop), window.start, window.begin))
         return replace(self, windows=windows)
+
+    def short_words(self, horizon: float) -> str:
+        """Words on predictions that last far shorter than the horizon [s]; empty if they do not."""
+        time = self.log.time
+        lasts = [float(time[window.samples.stop - 1]) - window.begin for window in self.windows]
+        if max(lasts) >= _LASTS * horizon and np.median(lasts) >= horizon / 2:
+            return ""
+
+        gaps = len(self.log.pieces) - 1
+        cause = f"the log has {gaps} gaps or masked parts" if gaps else "the log is short"
+        return (
+            f"{cause}: predictions last {np.median(lasts):.2g} s in the median and "
+            f"{max(lasts):.2g} s at most, not --horizon {horizon:g} s"
+        )
 
     @property
     def steps(self) -> int:

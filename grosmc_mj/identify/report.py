@@ -29,8 +29,10 @@ from grosmc_mj.sweep.quantities import Quantity
 
 # Words for the residual.
 _WHITENESS = {True: "white", False: "correlated in time", None: "too short to tell"}
-# A value this near to an end of its range, as a share of that, is at the end.
-_NEAR = 1e-3
+# A value this near to an end of its range, as a share of its half width, is at the end.
+_NEAR = 0.1
+# Or this near as a share of the range: the search ends there.
+_AT_END = 1e-9
 
 
 def values_table(fit: Fit) -> Table:
@@ -56,7 +58,7 @@ def _values_row(quantity: Quantity, value: float, half: float | None) -> tuple[s
         note = ""
         low, high = quantity.distribution.support
         distance = min(abs(low - value), abs(high - value))
-        if distance < _NEAR * (high - low):
+        if distance <= max(_NEAR * half, _AT_END * (high - low)):
             note = "at the end of its range: widen it, or check the log"
     nominal = f"{quantity.nominal:.4g}"
     return quantity.name, f"{value:.4g}", interval, quantity.unit, nominal, note
@@ -113,7 +115,11 @@ def identification(
         verdict=MEASURED if white else OPEN,
         words=f"{int(fit.fitted.sum())} of {len(fit.fitted)} parameters fitted; "
         + _prediction_words(rows, predicted),
-        notes=[*notes, *(f"{row.words}." for row in fit.unseen)],
+        notes=[
+            *notes,
+            *filter(None, [fit.timestep_words]),
+            *(f"{row.words}." for row in fit.unseen),
+        ],
     )
 
     parameters = []
@@ -140,6 +146,8 @@ def identification(
         values=values,
         parameters=parameters,
         covariance=fit.covariance.tolist(),
+        timesteps=fit.timesteps,
+        by_timestep=fit.shift.tolist(),
         unseen=[row._asdict() for row in fit.unseen],
         held_out=[row._asdict() for row in rows],
         predicted=[{**row._asdict(), "rms": list(map(finite, row.rms))} for row in predicted],
