@@ -11,7 +11,6 @@ import numpy as np
 import tomli_w
 
 from grosmc_mj.errors import ModelError
-from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.content import read_content
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.files import atomic_write
@@ -35,6 +34,13 @@ def write_case(fit: Fit, log: str, path: Path) -> None:
     Raises:
         SetupError: If it cannot be written.
     """
+    text = case_text(fit, log, path)
+    with atomic_write(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def case_text(fit: Fit, log: str, path: Path) -> str:
+    """Return the text of the case with the fitted values, for a file at a path."""
     experiment = fit.parameters.experiment
     content = read_content(experiment.path)
     content["title"] = f"{experiment.title}, as identified from {log}"
@@ -46,7 +52,8 @@ def write_case(fit: Fit, log: str, path: Path) -> None:
     settings = experiment.settings
     for quantity, value, _ in fit.estimates:
         run_value = quantity.as_run(value, settings.timestep, settings.control_period)
-        _set(content, quantity, run_value, experiment)
+        case = quantity.changed_case(experiment, run_value)
+        quantity.write(content, run_value, case, _written)
     kept = _kept_tables(fit, content.get("uncertain", []))
     content["uncertain"] = [*kept.values(), *_fitted_tables(fit)]
     content["correlation"] = [
@@ -54,11 +61,7 @@ def write_case(fit: Fit, log: str, path: Path) -> None:
         *_correlation_tables(fit),
     ]
 
-    with atomic_write(path) as part:
-        part.write_text(
-            f"# Written by grosmc-mj identify from {log}.\n{tomli_w.dumps(content)}",
-            encoding="utf-8",
-        )
+    return f"# Written by grosmc-mj identify from {log}.\n{tomli_w.dumps(content)}"
 
 
 def _plant_table(fit: Fit, declared: Mapping[str, Any], path: Path) -> dict[str, Any]:
@@ -157,35 +160,6 @@ def _written(value: float, unit: str) -> float | str:
     if not unit:
         return value
     return f"{value:.10g} {unit}"
-
-
-def _set(content: dict[str, Any], quantity: Quantity, value: float, case: Experiment) -> None:
-    """Bring a value into the table that has it."""
-    if quantity.owner == "disturbance":
-        _scale_wrench(content, quantity.of, value)
-        return
-    quantity.write(content, value, case, _written)
-
-
-def _scale_wrench(content: dict[str, Any], label: str, factor: float) -> None:
-    """Multiply the wrench of the disturbance that has a label."""
-    tables = [dict(table) for table in content["disturbance"]]
-    for table in tables:
-        if table.get("label") == label:
-            for key in ("force", "torque"):
-                if key in table:
-                    table[key] = [_times(number, factor) for number in table[key]]
-            if "amplitude" in table:
-                table["amplitude"] = _times(table["amplitude"], factor)
-    content["disturbance"] = tables
-
-
-def _times(written: Any, factor: float) -> Any:
-    """A number with its unit times a factor, as a case file has it."""
-    if not isinstance(written, str):
-        return factor * written
-    number, _, unit = written.strip().partition(" ")
-    return f"{factor * float(number):.10g} {unit}"
 
 
 def _uncertain(quantity: Quantity, value: float, deviation: float, size: float) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,11 +14,12 @@ from grosmc_mj.cli.command import OUTPUT, Command, Flag, Out, command
 from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.films import write_film_of_log
 from grosmc_mj.cli.targets import result_name
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.files import require_writable
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
+    from grosmc_mj.identify.fit import Fit
     from grosmc_mj.identify.replay import Predictor
     from grosmc_mj.logs.log import Log
 
@@ -84,22 +86,16 @@ class IdentifyCommand(_OfLog):
 
     def execute(self) -> int:
         """Read the logs, fit the parameters, write and print the result."""
-        from grosmc_mj.identify.case_file import write_case
-        from grosmc_mj.identify.compare import prediction_errors
-        from grosmc_mj.identify.fit import fit, slip
+        from grosmc_mj.identify.fit import fit
         from grosmc_mj.identify.parameters import parameters_of
-        from grosmc_mj.identify.pushes import unexplained_moments
-        from grosmc_mj.identify.quality import quality, residuals
-        from grosmc_mj.identify.report import draw_residuals, identification
 
         if not 0 < self.hold_out < 0.9:
             raise ArgumentError(f"--hold-out {self.hold_out:g} must be above 0 and below 0.9")
         experiment, log = self._read()
         path = self._path("identification", experiment)
-        figure = path.with_suffix(".png")
         # The case file has a name of its own: a run of it writes results of that name.
         case_file = self._path("identify", experiment).with_suffix(".toml")
-        require_writable(path, figure, case_file)
+        require_writable(path, path.with_suffix(".png"), case_file)
         parameters = parameters_of(experiment, self.fit)
         plant = experiment.plant(experiment.nominal.truest)
         timestep = experiment.settings.timestep
@@ -107,23 +103,69 @@ class IdentifyCommand(_OfLog):
 
         with screen.progress(1) as advance:
             best = fit(parameters, fitted, plant, progress=lambda text: advance(text, 0))
-            errors = residuals(best, held_out, plant)
             advance("fitted")
+        try:
+            self._answer(best, held_out, log, path, fitted)
+        finally:
+            # A fit is hours of a bench: no other failure may lose it.
+            self._write_case(best, log.name, case_file)
+        return DONE
 
+    def _answer(
+        self, best: Fit, held_out: Predictor, log: Log, path: Path, fitted: Predictor
+    ) -> None:
+        """Predict the part of the log that was held out, write and print the result.
+
+        Args:
+            best: The fit.
+            held_out: The part of the log that was held out.
+            log: The whole log.
+            path: JSON file of the result.
+            fitted: The part of the log that was fitted.
+        """
+        from grosmc_mj.identify.compare import prediction_errors
+        from grosmc_mj.identify.fit import slip
+        from grosmc_mj.identify.pushes import unexplained_moments
+        from grosmc_mj.identify.quality import quality, residuals
+        from grosmc_mj.identify.replay import Predictor
+        from grosmc_mj.identify.report import draw_residuals, identification
+
+        experiment = best.parameters.experiment
+        plant = experiment.plant(experiment.nominal.truest)
+        timestep = experiment.settings.timestep
+        errors = residuals(best, held_out, plant)
         rows = quality(errors, held_out.log, plant.system)
         found = best.model(plant)
         predicted, _ = prediction_errors({"fitted": found}, held_out.log, self.horizon, timestep)
-        doubts = [*log.notes, *filter(None, [slip(best, fitted, plant)])]
+
+        short = Predictor.leading(log, self.horizon, timestep).short_words(self.horizon)
+        doubts = [*log.notes, *filter(None, [short, slip(best, fitted, plant)])]
         doubts += unexplained_moments([found], log, self.horizon, timestep)
         result = identification(
             best, rows, predicted, log.name, self.horizon, self.hold_out, doubts
         )
-        screen.say_result(result, path, full=self.verbose)
 
-        draw_residuals(errors, held_out.log, plant.system, figure)
-        write_case(best, log.name, case_file)
-        screen.say_files(screen.console(), figure, case_file)
-        return DONE
+        def drawn() -> Sequence[Path]:
+            figure = path.with_suffix(".png")
+            draw_residuals(errors, held_out.log, plant.system, figure)
+            return (figure,)
+
+        screen.say_result(result, path, drawn, full=self.verbose)
+
+    def _write_case(self, best: Fit, log: str, path: Path) -> None:
+        """Write the case file of the fit; print it where it cannot be written.
+
+        Raises:
+            SetupError: If it cannot be written.
+        """
+        from grosmc_mj.identify.case_file import case_text, write_case
+
+        try:
+            write_case(best, log, path)
+        except SetupError:
+            screen.console().print(case_text(best, log, path), markup=False, soft_wrap=True, end="")
+            raise
+        screen.say_files(screen.console(), path)
 
     def _parts(self, log: Log, timestep: float) -> tuple[Predictor, Predictor]:
         """Return the part of a log that is fitted, and the one that is held out, in windows.
@@ -165,6 +207,7 @@ class CompareCommand(_OfLog):
         from grosmc_mj.identify.film import film_of_log
         from grosmc_mj.identify.model import models_of
         from grosmc_mj.identify.pushes import unexplained_moments
+        from grosmc_mj.identify.replay import Predictor
 
         experiment, log = self._read()
         path = self._path("compare", experiment)
@@ -179,7 +222,8 @@ class CompareCommand(_OfLog):
         rows, notes = prediction_errors(rungs, log, self.horizon, timestep)
         followed = [rungs[name] for name in dict.fromkeys(row.rung for row in rows)]
         pushes = unexplained_moments(followed, log, self.horizon, timestep)
-        notes = [*log.notes, *notes, *pushes]
+        short = Predictor.leading(log, self.horizon, timestep).short_words(self.horizon)
+        notes = [*log.notes, *filter(None, [short]), *notes, *pushes]
         result = comparison_result(rows, notes, log, experiment, self.horizon)
         screen.say_result(result, path, full=self.verbose)
         if film is not None:

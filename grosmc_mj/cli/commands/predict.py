@@ -68,6 +68,9 @@ class PredictCommand(Command):
         logs = {Path(path): 0.0 for path in paths} or self._measured(experiment)
         # Every log is checked before the first prediction runs.
         questions = {path: self._question(experiment, path, logs[path]) for path in logs}
+        for path in logs:
+            answer = self._path(experiment, path)
+            require_writable(answer, answer.with_suffix(".png"))
 
         inside = [self._judge(path, question) for path, question in questions.items()]
         return DONE if all(inside) else DIFFERS
@@ -107,11 +110,16 @@ class PredictCommand(Command):
             noise_log = read_log(self.noise_from, system, table, gears, to_learn=False)
         return question_of(experiment, self.law, log, noise_log, start)
 
+    def _path(self, experiment: Experiment, log: Path) -> Path:
+        """Return the JSON file of the result of a log."""
+        from grosmc_mj.logs.log import name_of_log
+
+        return self.out / f"predict_{result_name(experiment.path)}_{name_of_log(log)}.json"
+
     def _judge(self, log: Path, question: Question) -> bool:
         """Predict a log, write and print the result; return whether it lies within the spread."""
         from grosmc_mj.identify.film import film_beside_log, filmable
         from grosmc_mj.identify.predict_report import draw_prediction, prediction_result
-        from grosmc_mj.logs.log import name_of_log
         from grosmc_mj.results.result import KEPT
 
         experiment = question.experiment
@@ -119,10 +127,8 @@ class PredictCommand(Command):
         if self.film:
             film_of = filmable(experiment.plant(experiment.nominal.truest), question.log)
 
-        name = f"predict_{result_name(experiment.path)}_{name_of_log(log)}"
-        path = self.out / f"{name}.json"
+        path = self._path(experiment, log)
         figure = path.with_suffix(".png")
-        require_writable(path, figure)
         complete, lesser = self._predictions(question)
         result = prediction_result(question, complete, lesser, self._configuration(question))
         screen.say_result(
@@ -134,7 +140,7 @@ class PredictCommand(Command):
         if film_of is not None:
             run = complete.runs[complete.nearest]
             film = film_beside_log(film_of, run, question.log, 0.0, "predicted")
-            write_film_of_log(film, self.out / FOLDER / f"{name}.mp4")
+            write_film_of_log(film, self.out / FOLDER / f"{path.stem}.mp4")
         return result.answers[-1].verdict == KEPT
 
     def _predictions(self, question: Question) -> tuple[Prediction, Mapping[str, Prediction]]:
