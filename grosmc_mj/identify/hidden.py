@@ -86,7 +86,7 @@ def hidden_parameter(
         return None
 
     direction = v[-1]
-    quantities = [parameters.quantities[i] for i in np.flatnonzero(free)]
+    quantities = [parameters.quantities[i] for i in np.flatnonzero(free).tolist()]
     members = []
     for i in _members(direction, np.linalg.norm(by_size, axis=0)):
         quantity = quantities[i]
