@@ -322,12 +322,16 @@ def named_gains(**matrices: Array) -> dict[str, float]:
 
 
 def gain_keys(symbol: str, rows: int, columns: int) -> dict[tuple[int, int], str]:
-    """Keys of the entries of a gain matrix by their indices, see ``named_gains``."""
+    """Keys of the entries of a gain matrix by their indices, see ``named_gains``.
+
+    From eleven rows on, K1_11 and K11_1 are told apart.
+    """
+    between = "_" if rows > 10 else ""
     keys: dict[tuple[int, int], str] = {}
     for i, j in np.ndindex(rows, columns):
         row = ""
         if rows > 1:
-            row = str(i + 1)
+            row = f"{i + 1}{between}"
         keys[i, j] = f"{symbol}{row}{j + 1}"
     return keys
 

@@ -16,7 +16,7 @@ from shipped import error_of, nominal, robust, uncertainty_of, weights_of
 import grosmc_mj as gm
 from grosmc_mj.arrays import Array
 from grosmc_mj.assumptions.balance import Loads, balance
-from grosmc_mj.control.controller import Controller
+from grosmc_mj.control.controller import Controller, gain_keys
 from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.control.design import linear_lqr, regulating_grosmc, state_grosmc
 from grosmc_mj.control.memory import SurfaceMemory
@@ -420,3 +420,9 @@ def test_both_engines_run_a_law_of_two_inputs_alike() -> None:
     python = gm.simulate(carts, law, start, duration=0.1, engine="python")
     np.testing.assert_array_equal(native.state, python.state)
     np.testing.assert_array_equal(native.memory["v"], python.memory["v"])
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(1, 30), (2, 24), (7, 14), (10, 20), (12, 24)])
+def test_each_entry_of_a_gain_has_a_name_of_its_own(rows: int, columns: int) -> None:
+    keys = gain_keys("K", rows, columns)
+    assert len(set(keys.values())) == rows * columns
