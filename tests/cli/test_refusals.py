@@ -13,6 +13,7 @@ import pytest
 from commands import Screen, assert_one_line, run
 
 from grosmc_mj import cli
+from grosmc_mj.cli.exit_codes import WRONG
 from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.file.text import complete_text
 
@@ -181,3 +182,42 @@ reference = ['''sin("{escaped}")''']
     assert run("run", case) == cli.WRONG
     assert "is no formula in t" in capsys.readouterr().err
     assert not canary.exists()
+
+
+# Commands that write into a folder, or to a file.
+WRITING = [
+    "run servo/case1 --out",
+    "validate servo/case1 --out",
+    "claims servo --out",
+    "claims sweep servo --out",
+    "claims premises servo/case1 --out",
+    "export servo/case1 --law lqr --out",
+    "campaign servo --out",
+    "study ladder servo --out",
+    "study tolerance servo --out",
+    "study margins servo --out",
+    "study region servo --out",
+    "study disturbance servo/case1 --on current --bound 1A --out",
+    "identify a.csv servo/case1 --out",
+    "compare a.csv servo/case1 --out",
+    "predict a.csv servo/case1 --law lqr --out",
+    "diff a b --out",
+    "film servo -o",
+    "report a -o",
+]
+
+
+@pytest.mark.parametrize("command", WRITING)
+def test_a_file_in_the_place_of_a_folder_is_refused_before_all_work(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Screen
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    # Nothing is read, designed or run.
+    monkeypatch.setattr("grosmc_mj.experiments.experiment.Experiment.of_file", pytest.fail)
+    (tmp_path / "taken").write_text("precious", encoding="utf-8")
+    suffix = {"film": "/a.mp4", "report": "/a.html"}.get(command.split()[0], "/below")
+    assert run(*command.split(), f"taken{suffix}") == WRONG
+    error = capsys.readouterr().err
+    assert_one_line(error)
+    assert "taken is a file, and a folder is needed: name another one" in error
+    assert (tmp_path / "taken").read_text(encoding="utf-8") == "precious"

@@ -276,6 +276,26 @@ def test_powers_are_those_of_the_c_library_in_both_engines(law: Any) -> None:
     np.testing.assert_array_equal(runs[0].command, runs[1].command)
 
 
+def _inner(a: float) -> float:
+    return a - 0.25
+
+
+def _helper(a: float) -> float:
+    return 2.0 * _inner(a)
+
+
+def _helped(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+    u[0] = -_helper(x[0]) - math.fmod(3.0 * x[1], 0.7)
+
+
+def test_helpers_without_a_decorator_and_fmod_mean_the_same_in_both_engines() -> None:
+    runs = []
+    for engine in ENGINES:
+        law = controller(_helped)
+        runs.append(gm.simulate(physics(), law, (0.3, 0.0), duration=0.1, engine=engine))
+    np.testing.assert_array_equal(runs[0].state, runs[1].state)
+
+
 def test_a_memory_is_recorded_row_by_row_at_the_samples() -> None:
     run = run_with_pid("native")
     np.testing.assert_array_equal(run.memory["past"][10], run.state[3:11, 1][::-1])
