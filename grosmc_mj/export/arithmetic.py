@@ -190,6 +190,9 @@ def junction(values: Iterable[Any], suffices: bool, real: str) -> Any:
 
     numbers = [number_in_c(operand, real) for operand in operands]
     if all(number.is_condition for number in numbers):
+        # Of conditions it is the last one that decides whatever those before are.
+        if is_known(operands[-1]) and bool(operands[-1]) is suffices:
+            return suffices
         sign = " || " if suffices else " && "
         # Compilers warn of && beside || without parentheses.
         code = sign.join(number.within(AND + 1) for number in numbers)

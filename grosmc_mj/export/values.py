@@ -154,7 +154,7 @@ def number_in_c(value: Any, real: str) -> Number:
     if isinstance(value, Number):
         return value
     if isinstance(value, (bool, int, np.bool_, np.integer)):
-        if not -(2**63) < value < 2**63:
+        if not -(2**63) < int(value) < 2**63:
             raise NoCError("is a whole number of more than 64 bits: write it as a float")
         return _whole_number(int(value))
     if isinstance(value, (float, np.floating)):
