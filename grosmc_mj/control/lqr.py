@@ -89,13 +89,7 @@ def _exponential(matrix: bytes, shape: tuple[int, ...], t: float) -> Array:
     return scipy.linalg.expm(A * t)
 
 
-def lqr(
-    A: ArrayLike,
-    B: ArrayLike,
-    Q: ArrayLike,
-    R: ArrayLike,
-    names: Sequence[str] = (),
-) -> LqrDesign:
+def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> LqrDesign:
     """Design the optimal law (5) for the index (4) from the Riccati equation (6).
 
     Args:
@@ -103,11 +97,33 @@ def lqr(
         B: Input matrix, (n, m).
         Q: Positive semidefinite weight of the state, (n, n).
         R: Positive definite weight of the input, (m, m) or a number.
-        names: Names of the states for messages; their numbers by default.
 
     Raises:
         GainError: If shapes do not fit, Q or R is not definite as needed, or (A, B) is not
             stabilizable.
+    """
+    return lqr_of_states(A, B, Q, R, names=())
+
+
+def lqr_of_states(
+    A: ArrayLike,
+    B: ArrayLike,
+    Q: ArrayLike,
+    R: ArrayLike,
+    *,
+    names: Sequence[str],
+) -> LqrDesign:
+    """Design the optimal law as ``lqr``, with the names of the states in its messages.
+
+    Args:
+        A: State matrix, (n, n).
+        B: Input matrix, (n, m).
+        Q: Positive semidefinite weight of the state, (n, n).
+        R: Positive definite weight of the input, (m, m) or a number.
+        names: Names of the states; empty for x1, x2 ...
+
+    Raises:
+        GainError: As ``lqr`` does.
     """
     A, B, Q, R = _checked(A, B, Q, R)
     try:

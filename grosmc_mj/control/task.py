@@ -15,7 +15,7 @@ from grosmc_mj.arguments import reals
 from grosmc_mj.arrays import Array
 from grosmc_mj.control.coordinates.base import Coordinates, OutputCoordinates, regulated_outputs
 from grosmc_mj.control.coordinates.state import StateCoordinates
-from grosmc_mj.control.lqr import LqrDesign, lqr
+from grosmc_mj.control.lqr import LqrDesign, lqr_of_states
 from grosmc_mj.control.switching import Switching, SwitchingNumbers, find_switching
 from grosmc_mj.errors import GainError, value_text
 from grosmc_mj.fields import Is, Range, Reals, checked, checked_call
@@ -182,13 +182,13 @@ class Task:
         """
         if linearizing:
             chains = self.outputs.linearization
-            return lqr(chains.A, chains.B, self.Q, self.R, self.error.names)
+            return lqr_of_states(chains.A, chains.B, self.Q, self.R, names=self.error.names)
 
         model = self.model
         if not model:
             model = self.error.linear_model(self.plant, self._numbers_without_gain())
         A, B = model
-        return lqr(A, B, self.Q, self.R, self.error.names)
+        return lqr_of_states(A, B, self.Q, self.R, names=self.error.names)
 
     def feedback(self, K: Array) -> FeedbackParameters:
         """Numbers of a law with this gain, (m, n)."""
