@@ -18,7 +18,7 @@ FAST = $(PYTEST) -m 'not slow and not render and not apart' $(ARGS)
 STORED = $(if $(ARGS)$(filter %.py,$(PART)),,--junitxml=build/tests/$(1).xml)
 
 # What numbers come from, and what compares them as text or to the bit.
-COMPUTING := plants control physics machine robots loop simulation assumptions margins requirements export
+COMPUTING := theory mechanics simulation experiments/assumptions experiments/requirements studies/margins export
 # The file says what it emulates, and how.
 OLDER := nehalem haswell
 AS := $(BIN)/python tests/emulated_machine.py
@@ -54,7 +54,7 @@ validate: $(INSTALLED) $(SYSTEM)  ## Check every claim against physics; a film o
 record: $(INSTALLED) $(SYSTEM)  ## Regenerate the expected results; review the diff
 	$(BIN)/grosmc-mj validate --record $(ARGS)
 
-test: $(INSTALLED) $(SYSTEM) $(SECOND_COMPILER)  ## Run the tests, over all cores; PART=tests/control runs one folder
+test: $(INSTALLED) $(SYSTEM) $(SECOND_COMPILER)  ## Run the tests, over all cores; PART=tests/theory runs one folder
 	$(PYTEST) -m 'not apart' $(call STORED,$(or $(subst /,-,$(PART)),all)) $(PART) $(ARGS)
 
 test-apart: $(INSTALLED) $(SYSTEM)  ## Run the rest: browser, Dask, mutated input, an older machine

@@ -25,11 +25,11 @@ from benchmarks.tables import (
 )
 from benchmarks.timing import Throughput
 from grosmc_mj.cli import screen
-from grosmc_mj.errors import GrosmcError
-from grosmc_mj.physics.mujoco_plant import Integrator
-from grosmc_mj.plants import SYSTEMS
-from grosmc_mj.results.markdown import replace_marked
-from grosmc_mj.results.tables import Table
+from grosmc_mj.ground.errors import GrosmcError
+from grosmc_mj.mechanics.physics.mujoco_plant import Integrator
+from grosmc_mj.output.results.markdown import replace_marked
+from grosmc_mj.output.results.tables import Table
+from grosmc_mj.theory.plants import SYSTEMS
 
 INTEGRATORS: tuple[Integrator, ...] = ("RK4", "implicitfast")
 # How the names of compiled closed loops begin.

@@ -8,13 +8,13 @@ from typing import Any
 from mujoco.batch import Batch
 
 from benchmarks.timing import TimedLoop
-from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.physics.hidden_states import starts
-from grosmc_mj.physics.hooks import clock_suspended
-from grosmc_mj.plants import Plant
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.mechanics.physics.hidden_states import starts
+from grosmc_mj.mechanics.physics.hooks import clock_suspended
 from grosmc_mj.simulation.native_engine import run_native
 from grosmc_mj.simulation.prepare import prepare
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.plants import Plant
 
 
 def batch_at(plants: Sequence[Plant], x0: Array) -> Batch:

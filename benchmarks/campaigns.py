@@ -16,17 +16,17 @@ import numpy as np
 
 from benchmarks.batches import closed_loop, open_batches
 from benchmarks.timing import Throughput, measured
-from grosmc_mj.errors import SetupError
-from grosmc_mj.executors import make_executor
 from grosmc_mj.experiments.file.shipped import campaign_files
-from grosmc_mj.films.offscreen import without_graphics
-from grosmc_mj.physics.mujoco_plant import Integrator
-from grosmc_mj.sweep.batch import Batch
-from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.runs import measurements_of, prepare_run
-from grosmc_mj.sweep.specification import specification_of
-from grosmc_mj.sweep.store import Folder
-from grosmc_mj.sweep.work import part_runner
+from grosmc_mj.ground.errors import SetupError
+from grosmc_mj.ground.executors import make_executor
+from grosmc_mj.mechanics.physics.mujoco_plant import Integrator
+from grosmc_mj.output.films.offscreen import without_graphics
+from grosmc_mj.studies.campaign.batch import Batch
+from grosmc_mj.studies.campaign.campaign import Campaign
+from grosmc_mj.studies.campaign.specification import specification_of
+from grosmc_mj.studies.campaign.store import Folder
+from grosmc_mj.studies.campaign.work import part_runner
+from grosmc_mj.studies.sweep.runs import measurements_of, prepare_run
 
 _PLANTS = 4096
 _STEPS = 800

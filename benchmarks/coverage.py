@@ -17,13 +17,13 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from grosmc_mj.arrays import Array
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.reading import parse_case_file
+from grosmc_mj.experiments.logs.log import Log
+from grosmc_mj.ground.arrays import Array
 from grosmc_mj.identify.fit import Fit, fit
 from grosmc_mj.identify.parameters import parameters_of
 from grosmc_mj.identify.replay import Predictor
-from grosmc_mj.logs.log import Log
 
 # The shipped servo: inertia [kg m^2], torque constant [N m/A].
 INERTIA = 0.0577

@@ -1,4 +1,4 @@
-"""The simulated logs in ``grosmc_mj/cases/logs``: python -m benchmarks.logs FOLDER.
+"""The simulated logs in ``grosmc_mj/experiments/cases/logs``: python -m benchmarks.logs FOLDER.
 
 Both machines move by integrators of this folder, which share nothing with the package.
 """
@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import coverage
-from grosmc_mj.arrays import Array
+from grosmc_mj.ground.arrays import Array
 
 # Of eq. (57): inertia without the payload at q = 0, its change with sin q, arm and gravity.
 INERTIA, CABLE, LENGTH, GRAVITY = 0.095, 0.06, 0.5, 9.8

@@ -11,9 +11,9 @@ import numpy as np
 from benchmarks.batches import closed_loop, in_pair, open_batches
 from benchmarks.timing import Throughput, TimedLoop, measured
 from grosmc_mj.experiments.catalogue import find_experiment
-from grosmc_mj.films.offscreen import without_graphics
-from grosmc_mj.loop import Loop, apply_loop
-from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
+from grosmc_mj.mechanics.physics.mujoco_plant import Integrator, MujocoPlant
+from grosmc_mj.output.films.offscreen import without_graphics
+from grosmc_mj.simulation.loop import Loop, apply_loop
 
 _MANY = 1024
 _STEPS = {1: 50_000, _MANY: 500}

@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.batches import closed_loop, open_batches
 from benchmarks.timing import Throughput, measured
 from grosmc_mj.experiments.catalogue import find_experiment
-from grosmc_mj.plants import SYSTEMS
+from grosmc_mj.theory.plants import SYSTEMS
 
 _SIMULATIONS = 1024
 _STEPS = 500

@@ -8,9 +8,9 @@ import numpy as np
 
 from benchmarks.batches import closed_loop, open_batches
 from benchmarks.timing import Throughput, measured
-from grosmc_mj.cases.jaco.jaco import jaco
+from grosmc_mj.experiments.cases.jaco.jaco import jaco
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 
 _SIMULATIONS = 1024
 _STEPS = 200

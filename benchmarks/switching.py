@@ -17,13 +17,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from grosmc_mj.arrays import Array
 from grosmc_mj.cli import screen
-from grosmc_mj.control.switching import SWITCHINGS, Switching, find_switching
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.results.charts import write_panels
-from grosmc_mj.results.result import LineChart, Series, finite
-from grosmc_mj.results.tables import Table, number, numbers, table, words
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.output.results.charts import write_panels
+from grosmc_mj.output.results.result import LineChart, Series, finite
+from grosmc_mj.output.results.tables import Table, number, numbers, table, words
+from grosmc_mj.theory.control.switching import SWITCHINGS, Switching, find_switching
 
 FIGURE = Path("docs/figures/switching.png")
 # The laws for one input; with one input the unit vectors are sign and implicit.

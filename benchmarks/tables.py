@@ -7,9 +7,9 @@ from collections.abc import Iterable, Sequence
 from benchmarks.campaigns import Cost, Scaling
 from benchmarks.growth import Growth
 from benchmarks.timing import Ratio, Throughput
-from grosmc_mj.results.document import origin
-from grosmc_mj.results.tables import Table, numbers, table, words
-from grosmc_mj.versions import DECISIVE, versions
+from grosmc_mj.ground.versions import DECISIVE, versions
+from grosmc_mj.output.results.document import origin
+from grosmc_mj.output.results.tables import Table, numbers, table, words
 
 
 def tables_text(tables: Iterable[Table]) -> str:

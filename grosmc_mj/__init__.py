@@ -9,6 +9,6 @@ from __future__ import annotations
 
 import lazy_loader
 
-from grosmc_mj.versions import __version__ as __version__
+from grosmc_mj.ground.versions import __version__ as __version__
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,30 +1,15 @@
-from . import (
-    control,
-    environments,
-    errors,
-    films,
-    loop,
-    machine,
-    physics,
-    plants,
-    simulation,
-    sweep,
-)
-from .control.controller import Controller, custom_controller
-from .control.coordinates.feedback_linearization import feedback_linearization
-from .control.design import linearized_lqr, regulating_grosmc, tracking_grosmc
-from .control.from_control import from_control
-from .control.lqr import lqr
-from .control.task import Realization, Task
-from .control.uncertainty.outputs import Uncertainty
-from .errors import GrosmcError
+from . import environments, simulation, studies
 from .experiments.catalogue import chapter_controller
 from .experiments.experiment import Experiment, judge
 from .experiments.many import run_many
-from .physics.edits import AddedMass, BodyEdit, JointEdit
-from .physics.mujoco_plant import MujocoPlant
-from .plants import AnalyticPlant, affine_plant
-from .robots.robot import Robot
+from .ground import errors
+from .ground.errors import GrosmcError
+from .mechanics import machine, physics
+from .mechanics.physics.edits import AddedMass, BodyEdit, JointEdit
+from .mechanics.physics.mujoco_plant import MujocoPlant
+from .mechanics.robots.robot import Robot
+from .output import films
+from .simulation import loop
 from .simulation.disturbances import (
     Disturbance,
     InputDisturbance,
@@ -34,7 +19,16 @@ from .simulation.disturbances import (
 )
 from .simulation.simulate import simulate
 from .simulation.trajectory import Trajectory, load_trajectory
-from .sweep.campaign import Campaign
+from .studies.campaign.campaign import Campaign
+from .theory import control, plants
+from .theory.control.controller import Controller, custom_controller
+from .theory.control.coordinates.feedback_linearization import feedback_linearization
+from .theory.control.design import linearized_lqr, regulating_grosmc, tracking_grosmc
+from .theory.control.from_control import from_control
+from .theory.control.lqr import lqr
+from .theory.control.task import Realization, Task
+from .theory.control.uncertainty.outputs import Uncertainty
+from .theory.plants import AnalyticPlant, affine_plant
 
 __version__: str
 
@@ -79,6 +73,6 @@ __all__ = [
     "run_many",
     "simulate",
     "simulation",
-    "sweep",
+    "studies",
     "tracking_grosmc",
 ]

@@ -10,12 +10,12 @@ import pyarrow.parquet as pq
 import pytest
 from commands import run as run
 
-from grosmc_mj.errors import GrosmcError
-from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.parts import checksum
-from grosmc_mj.sweep.specification import Specification
-from grosmc_mj.sweep.store import Folder
-from grosmc_mj.sweep.work import part_runner
+from grosmc_mj.ground.errors import GrosmcError
+from grosmc_mj.studies.campaign.campaign import Campaign
+from grosmc_mj.studies.campaign.parts import checksum
+from grosmc_mj.studies.campaign.specification import Specification
+from grosmc_mj.studies.campaign.store import Folder
+from grosmc_mj.studies.campaign.work import part_runner
 
 PLANT = """
 [plant]

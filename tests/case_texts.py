@@ -173,9 +173,9 @@ R = {}
 [[controller]]
 law = "{}"
 """
-LEVITATED = 'plant = "grosmc_mj.cases.maglev.maglev:plant"\nat = { gap = "10 mm" }'
+LEVITATED = 'plant = "grosmc_mj.experiments.cases.maglev.maglev:plant"\nat = { gap = "10 mm" }'
 MAGLEV = POINT.format(LEVITATED, "[1e8, 1e5, 10]", "1e-3", "lqr")
-BALL = "grosmc_mj.cases.ball_beam.ball_beam"
+BALL = "grosmc_mj.experiments.cases.ball_beam.ball_beam"
 BEAM = POINT.format(f'plant = "{BALL}:plant"', "[10, 10, 1, 1]", "0.1", "fl-lqr")
 FURUTA = POINT.format('model = "furuta.xml"', "[1, 5, 0.02, 0.02]", "100", "grosmc")
 # One law with its numbers, which stand at the end.

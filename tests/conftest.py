@@ -25,12 +25,12 @@ from commands import run
 from last_digits import change_last_digits
 
 import grosmc_mj
-from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.memory import Memory
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.plants import SYSTEMS
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.control.memory import Memory
+from grosmc_mj.theory.plants import SYSTEMS
 
 # SymPy and numba make millions of small objects that live on: looking through them as often as
 # Python does by itself takes a tenth of the time of a derivation or a compilation.

@@ -6,14 +6,14 @@ import math
 
 import numpy as np
 
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.requirements.conditions import Conditions
-from grosmc_mj.requirements.measurement import Windows, signal_units
-from grosmc_mj.requirements.metrics import DWELL, MeasuredSignal, Metric, largest_of
-from grosmc_mj.requirements.optimum import Comparison
-from grosmc_mj.requirements.run_metrics import metrics_of_record
-from grosmc_mj.requirements.swings import LastPeakBelow, ReachesWithin, SwingsBelow
+from grosmc_mj.experiments.requirements.conditions import Conditions
+from grosmc_mj.experiments.requirements.measurement import Windows, signal_units
+from grosmc_mj.experiments.requirements.metrics import DWELL, MeasuredSignal, Metric, largest_of
+from grosmc_mj.experiments.requirements.optimum import Comparison
+from grosmc_mj.experiments.requirements.run_metrics import metrics_of_record
+from grosmc_mj.experiments.requirements.swings import LastPeakBelow, ReachesWithin, SwingsBelow
 from grosmc_mj.simulation.trajectory import Trajectory
+from grosmc_mj.theory.control.controller import Controller
 
 KINDS = {"reached": ReachesWithin, "swings": SwingsBelow, "last_peak": LastPeakBelow}
 

@@ -6,7 +6,7 @@ import threading
 import time
 from pathlib import Path
 
-from grosmc_mj.errors import GainError, SetupError
+from grosmc_mj.ground.errors import GainError, SetupError
 
 
 def square(index: int) -> int:

@@ -7,18 +7,18 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.law import Law
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.experiments.settings import Settings
-from grosmc_mj.jitable import jitable
-from grosmc_mj.physics.edits import BodyEdit, apply_edits
-from grosmc_mj.physics.files import compile_spec
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.plants import Plant
+from grosmc_mj.ground.compilation.jitable import jitable
+from grosmc_mj.mechanics.physics.edits import BodyEdit, apply_edits
+from grosmc_mj.mechanics.physics.files import compile_spec
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import AnyDisturbance
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.control.law import Law
+from grosmc_mj.theory.plants import Plant
 
 ChangeLaw = Callable[[Controller, Experiment, PlantName], Controller]
 ChangePlant = Callable[[Plant, Experiment], Plant]

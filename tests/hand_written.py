@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from grosmc_mj.arrays import Array
+from grosmc_mj.ground.arrays import Array
 
 Column = tuple[Any, ...]
 

@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.memory import Memory
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.loop import Loop, apply_loop
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.plants import SERVO, AnalyticPlant
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import Disturbance
+from grosmc_mj.simulation.loop import Loop, apply_loop
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.control.memory import Memory
+from grosmc_mj.theory.plants import SERVO, AnalyticPlant
 
 H = 1e-3
 ANGLE, SPEED = (state.name for state in SERVO.states)

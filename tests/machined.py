@@ -8,10 +8,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.physics.edit import Edit
-from grosmc_mj.physics.edits import BodyEdit, JointEdit
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.mechanics.physics.edit import Edit
+from grosmc_mj.mechanics.physics.edits import BodyEdit, JointEdit
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 
 # The rotor's inertia, and the torque of the servo's input.
 J, GEAR = 0.0577, 0.667

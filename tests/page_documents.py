@@ -9,8 +9,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from grosmc_mj.results.document import plain
-from grosmc_mj.results.result import (
+from grosmc_mj.output.results.document import plain
+from grosmc_mj.output.results.result import (
     Answer,
     CellChart,
     GridChart,
@@ -22,7 +22,7 @@ from grosmc_mj.results.result import (
     Value,
     result,
 )
-from grosmc_mj.results.tables import numbers, table, verdicts, words
+from grosmc_mj.output.results.tables import numbers, table, verdicts, words
 
 
 def _document(kind: str, **parts: Any) -> dict[str, Any]:

@@ -10,19 +10,19 @@ from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import realized
-from grosmc_mj.control.references import Setpoints
-from grosmc_mj.control.task import AS_PRINTED, Realization, Task
 from grosmc_mj.experiments import experiment as experiments
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment, find_experiments
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.settings import Settings
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.plants import AnalyticPlant
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.problem import Plant
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.control.design import realized
+from grosmc_mj.theory.control.references import Setpoints
+from grosmc_mj.theory.control.task import AS_PRINTED, Realization, Task
+from grosmc_mj.theory.plants import AnalyticPlant
 
 REGULATION = "two_link_arm regulation"
 TWO_LINK_CIRCLE = SimpleNamespace(centre1=0.45, centre2=0.15, radius=0.15, frequency=math.pi)

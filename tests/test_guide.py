@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import grosmc_mj as gm
-from grosmc_mj.requirements.judging import judge_runs
+from grosmc_mj.experiments.requirements.judging import judge_runs
 
 pytestmark = pytest.mark.slow
 

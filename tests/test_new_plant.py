@@ -14,7 +14,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PLANT = ROOT / "tests" / "data" / "new_plant"
-IMPORT = "from grosmc_mj.plants.spring_mass import SPRING_MASS"
+IMPORT = "from grosmc_mj.theory.plants.spring_mass import SPRING_MASS"
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +26,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copytree(PLANT, copy, dirs_exist_ok=True)
 
     # A user edits this file by hand; the test puts the two changes into whatever stands there.
-    path = copy / "grosmc_mj" / "plants" / "__init__.py"
+    path = copy / "grosmc_mj" / "theory" / "plants" / "__init__.py"
     text = path.read_text(encoding="utf-8")
     text = text.replace("\nSYSTEMS:", f"{IMPORT}\n\nSYSTEMS:")
     text = text.replace("TWO_LINK_ARM)", "TWO_LINK_ARM, SPRING_MASS)")
@@ -38,7 +38,7 @@ def test_the_recipe_names_what_is_added() -> None:
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     recipe = text.partition("## A new plant")[2].partition("\n## ")[0]
     names = re.findall(r"`([\w./]+)`", recipe.replace("NAME", "spring_mass"))
-    assert {"SYSTEMS", "grosmc_mj/plants/__init__.py", "base.toml"} <= set(names)
+    assert {"SYSTEMS", "grosmc_mj/theory/plants/__init__.py", "base.toml"} <= set(names)
 
     added = [path.relative_to(PLANT) for path in PLANT.rglob("*") if path.is_file()]
     for path in added:

@@ -17,13 +17,13 @@ import pytest
 import scipy.linalg
 from commands import run
 
-from grosmc_mj.arrays import Array
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.ground.arrays import Array
 from grosmc_mj.simulation.trajectory import Trajectory
-from grosmc_mj.studies.ladder import ladder, run_rung
-from grosmc_mj.sweep.batch import evaluate
-from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.runs import MARGIN
+from grosmc_mj.studies.campaign.batch import evaluate
+from grosmc_mj.studies.campaign.campaign import Campaign
+from grosmc_mj.studies.ladder.ladder import ladder, run_rung
+from grosmc_mj.studies.sweep.runs import MARGIN
 
 MODEL = """
 <mujoco model="odd">

@@ -19,9 +19,9 @@ import grosmc_mj
 from grosmc_mj import cli
 from grosmc_mj.chapter.validation import cases_table, results_markdown
 from grosmc_mj.cli.pages import write_text
-from grosmc_mj.errors import SetupError
 from grosmc_mj.experiments.catalogue import find_experiment
-from grosmc_mj.films.film import Format
+from grosmc_mj.ground.errors import SetupError
+from grosmc_mj.output.films.film import Format
 
 README = Path(__file__).parents[1] / "README.md"
 

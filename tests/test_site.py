@@ -14,7 +14,7 @@ from urllib.parse import unquote, urlsplit
 import pytest
 import repository
 
-from grosmc_mj import control, environments, films, loop, machine, physics, simulation, sweep
+from grosmc_mj import control, environments, films, loop, machine, physics, simulation, studies
 
 ROOT = Path(__file__).parents[1]
 LOADED = {("script", "src"), ("img", "src"), ("iframe", "src"), ("link", "href")}
@@ -88,13 +88,13 @@ def test_the_map_leads_to_lines(site: dict[Path, Links]) -> None:
     files = {place for place in PLACES if place[0].endswith(".py")}
     assert len(lines) >= len(files)
 
-    text = (ROOT / "grosmc_mj/control/laws.py").read_text()
+    text = (ROOT / "grosmc_mj/theory/control/laws.py").read_text()
     number = repository.line_of(text, "grosmc")
     assert text.splitlines()[number - 1].startswith("def grosmc")
-    assert f"repository/grosmc_mj/control/laws.py.html#__codelineno-0-{number}" in lines
+    assert f"repository/grosmc_mj/theory/control/laws.py.html#__codelineno-0-{number}" in lines
 
 
-MODULES = (sweep, control, environments, films, loop, machine, physics, simulation)
+MODULES = (studies, control, environments, films, loop, machine, physics, simulation)
 
 
 @pytest.mark.slow

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grosmc_mj.physics.edits import BodyEdit
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.results.tables import Table, numbers, table, words
-from grosmc_mj.sweep.agreement import AGREEMENT_BOUND, acceleration_difference
+from grosmc_mj.mechanics.physics.edits import BodyEdit
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.output.results.tables import Table, numbers, table, words
+from grosmc_mj.studies.sweep.agreement import AGREEMENT_BOUND, acceleration_difference
 
 
 class Agreement(NamedTuple):

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from grosmc_mj.experiments.experiment import RunResult
+from grosmc_mj.experiments.requirements.metrics import tolerance_of
 from grosmc_mj.experiments.settings import Settings
-from grosmc_mj.requirements.metrics import tolerance_of
-from grosmc_mj.results.document import write_json
+from grosmc_mj.output.results.document import write_json
 
 EXPECTED_FILE = Path(__file__).with_name("expected_results.json")
 

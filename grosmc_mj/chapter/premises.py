@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from grosmc_mj.assumptions.audit import Audit, Premise, Reading
+from grosmc_mj.experiments.assumptions.audit import Audit, Premise, Reading
 from grosmc_mj.experiments.settings import Settings
-from grosmc_mj.results.document import plain
-from grosmc_mj.results.result import (
+from grosmc_mj.output.results.document import plain
+from grosmc_mj.output.results.result import (
     KEPT,
     NOT_KEPT,
     Answer,
@@ -19,7 +19,16 @@ from grosmc_mj.results.result import (
     Value,
     result,
 )
-from grosmc_mj.results.tables import Column, Table, number, numbers, table, text, verdicts, words
+from grosmc_mj.output.results.tables import (
+    Column,
+    Table,
+    number,
+    numbers,
+    table,
+    text,
+    verdicts,
+    words,
+)
 
 
 def premises_result(audits: Sequence[Audit], settings: Settings) -> Result:

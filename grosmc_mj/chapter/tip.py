@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.experiments.experiment import RunResult
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.theory.control.coordinates.symbolic import ErrorCoordinates
 
 
 def true_tip(result: RunResult) -> Array:

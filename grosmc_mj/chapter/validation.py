@@ -13,13 +13,13 @@ from grosmc_mj.chapter.claims.claim import Finding
 from grosmc_mj.chapter.claims.judging import verdict_differences
 from grosmc_mj.chapter.claims.results import claim_numbers, claims_values, counts_words
 from grosmc_mj.chapter.claims.story import claims_tables
+from grosmc_mj.experiments.answer.document import run_document, run_values, standings
+from grosmc_mj.experiments.answer.tables import metric_cell
 from grosmc_mj.experiments.case_document import case_document
-from grosmc_mj.experiments.document import run_document, run_values, standings
 from grosmc_mj.experiments.experiment import Experiment, RunResult
+from grosmc_mj.experiments.requirements.metrics import Metric, largest_of
 from grosmc_mj.experiments.settings import Settings
-from grosmc_mj.experiments.tables import metric_cell
-from grosmc_mj.requirements.metrics import Metric, largest_of
-from grosmc_mj.results.result import (
+from grosmc_mj.output.results.result import (
     KEPT,
     NOT_KEPT,
     OPEN,
@@ -31,7 +31,7 @@ from grosmc_mj.results.result import (
     report_tables,
     result,
 )
-from grosmc_mj.results.tables import Table, number, numbers, table, words
+from grosmc_mj.output.results.tables import Table, number, numbers, table, words
 
 # Columns of the table of results, and the metric in each.
 _COLUMNS = {

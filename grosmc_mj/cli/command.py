@@ -12,7 +12,7 @@ from typing import Annotated, ClassVar, TypeVar, dataclass_transform
 from cyclopts import Group, Parameter, Token
 
 from grosmc_mj.cli.targets import TARGET
-from grosmc_mj.errors import value_text
+from grosmc_mj.ground.errors import value_text
 
 AnyCommand = TypeVar("AnyCommand", bound="Command")
 
@@ -90,7 +90,7 @@ class Command:
         Raises:
             SetupError: If the folder or the file that an option names cannot be written.
         """
-        from grosmc_mj.files import require_folder
+        from grosmc_mj.ground.files import require_folder
 
         folder = getattr(self, "out", None)
         if folder is not None:

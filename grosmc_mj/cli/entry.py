@@ -22,7 +22,7 @@ from typing import Any
 
 from grosmc_mj.cli.exit_codes import INTERRUPTED, WRONG
 from grosmc_mj.cli.output import PROGRAM, Output
-from grosmc_mj.errors import (
+from grosmc_mj.ground.errors import (
     MISTAKE_SEPARATOR,
     GrosmcError,
     ImplausibleWarning,

@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from grosmc_mj.cli import screen
-from grosmc_mj.errors import SetupError
+from grosmc_mj.ground.errors import SetupError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from grosmc_mj.experiments.experiment import Experiment, RunResult
-    from grosmc_mj.films.film import Film
-    from grosmc_mj.films.pool import RenderingPool
+    from grosmc_mj.output.films.film import Film
+    from grosmc_mj.output.films.pool import RenderingPool
 
 FOLDER = "films"
 
@@ -84,7 +84,7 @@ def film_runs(console: Console, results: Sequence[RunResult], path: Path) -> Non
     A line says why there is no film.
     """
     from grosmc_mj.experiments.films import film_of
-    from grosmc_mj.films.film import MOST_TAKES
+    from grosmc_mj.output.films.film import MOST_TAKES
 
     plants = [result.plant for result in results]
     plant = "physics" if "physics" in plants else plants[-1]
@@ -95,7 +95,7 @@ def film_runs(console: Console, results: Sequence[RunResult], path: Path) -> Non
 def _write_missing(console: Console, films: Mapping[Path, tuple[Experiment, Film]]) -> None:
     """Write the films whose files are missing or older, or say in one line why not."""
     from grosmc_mj.experiments.films import is_current
-    from grosmc_mj.films.pool import NO_GRAPHICS, open_pool
+    from grosmc_mj.output.films.pool import NO_GRAPHICS, open_pool
 
     missing = {path: item for path, item in films.items() if not is_current(item[1], path)}
 
@@ -115,7 +115,7 @@ def _write_missing(console: Console, films: Mapping[Path, tuple[Experiment, Film
 
 def write_film_of_log(film: Film, path: Path) -> None:
     """Write the film of a log, and print the paths of its files."""
-    from grosmc_mj.films.write import write_film
+    from grosmc_mj.output.films.write import write_film
 
     with screen.progress(len(film.times), "frames") as advance:
         written = write_film(film, path, advance=lambda: advance("film"))

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from grosmc_mj.chapter.validation import results_markdown
-from grosmc_mj.errors import GrosmcError, SetupError
-from grosmc_mj.results.markdown import replace_marked
-from grosmc_mj.studies.ladder_pages import failures_text, few_failures_text, ladders_text
+from grosmc_mj.ground.errors import GrosmcError, SetupError
+from grosmc_mj.output.results.markdown import replace_marked
+from grosmc_mj.studies.ladder.pages import failures_text, few_failures_text, ladders_text
 from grosmc_mj.studies.rivals import SYSTEMS, rivals, rivals_table
-from grosmc_mj.studies.tolerance_answer import tolerances_text
+from grosmc_mj.studies.tolerance.answer import tolerances_text
 
 
 def _results(documents: Sequence[Any]) -> str:

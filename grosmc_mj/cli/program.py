@@ -22,8 +22,8 @@ from cyclopts import (
 from grosmc_mj.cli.commands import ABOUT, CLAIMS, COMMANDS, GROUPS, STUDIES, Entry, Subcommands
 from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.output import PROGRAM
-from grosmc_mj.errors import ArgumentError, SetupError, unknown_name, value_text
-from grosmc_mj.films.offscreen import without_graphics
+from grosmc_mj.ground.errors import ArgumentError, SetupError, unknown_name, value_text
+from grosmc_mj.output.films.offscreen import without_graphics
 
 if TYPE_CHECKING:
     from grosmc_mj.cli.command import Command
@@ -64,8 +64,8 @@ def execute(arguments: Sequence[str]) -> int:
         return command.execute()
 
     _import_mujoco()
-    from grosmc_mj.physics.hooks import warnings_counted_only
-    from grosmc_mj.results.document import carried_out
+    from grosmc_mj.mechanics.physics.hooks import warnings_counted_only
+    from grosmc_mj.output.results.document import carried_out
 
     carried_out(PROGRAM, arguments)
     with warnings_counted_only():

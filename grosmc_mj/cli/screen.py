@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence, Sized
 from typing import TYPE_CHECKING, Any
 
-from grosmc_mj.errors import SetupError
+from grosmc_mj.ground.errors import SetupError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress, TaskID
 
-    from grosmc_mj.results.result import Result
+    from grosmc_mj.output.results.result import Result
 
 # An answer fits on a screen: forty lines of so many columns.
 WIDTH = 100
@@ -107,8 +107,8 @@ def answered(
         full: True to print all tables.
         advice: What to do after an interrupt; to start over by default.
     """
-    from grosmc_mj.files import require_writable
-    from grosmc_mj.results.document import write_json
+    from grosmc_mj.ground.files import require_writable
+    from grosmc_mj.output.results.document import write_json
 
     require_writable(path)
     try:
@@ -146,7 +146,7 @@ def say_result(
         among: True if several results follow each other: each begins with its name, and only a
             table of one that is not good is printed.
     """
-    from grosmc_mj.results.document import write_json
+    from grosmc_mj.output.results.document import write_json
 
     try:
         write_json(path, result)

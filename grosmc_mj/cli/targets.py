@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from grosmc_mj.errors import ArgumentError, value_text
+from grosmc_mj.ground.errors import ArgumentError, value_text
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
@@ -42,7 +42,7 @@ def recorded_experiments(target: str) -> list[Experiment]:
         ModelError: If there is no such system.
     """
     from grosmc_mj.experiments.catalogue import find_experiment, find_experiments
-    from grosmc_mj.plants import find_system
+    from grosmc_mj.theory.plants import find_system
 
     if target.endswith(_FILE):
         raise ArgumentError(

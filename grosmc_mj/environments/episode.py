@@ -16,24 +16,24 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grosmc_mj.arguments import reals
-from grosmc_mj.arrays import Array
 from grosmc_mj.environments.signals import Index, Signals, input_label
-from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.fields import Range
-from grosmc_mj.films.offscreen import BACKENDS, render_here
-from grosmc_mj.films.scene import default_camera, pose
-from grosmc_mj.loop.loop import LARGEST_SEED
-from grosmc_mj.loop.software import observe
-from grosmc_mj.loop.world import remember, sense
-from grosmc_mj.physics.hooks import refuse_foreign_callback, warnings_counted_only
-from grosmc_mj.plants import Signal, find_system
+from grosmc_mj.ground.arguments import reals
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import ArgumentError, SetupError
+from grosmc_mj.ground.fields import Range
+from grosmc_mj.mechanics.physics.hooks import refuse_foreign_callback, warnings_counted_only
+from grosmc_mj.output.films.offscreen import BACKENDS, render_here
+from grosmc_mj.output.films.scene import default_camera, pose
+from grosmc_mj.simulation.loop.loop import LARGEST_SEED
+from grosmc_mj.simulation.loop.software import observe
+from grosmc_mj.simulation.loop.world import remember, sense
 from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.simulation.python_engine import ClosedLoop
 from grosmc_mj.simulation.steppers import Steppers
 from grosmc_mj.simulation.trajectory import Status
+from grosmc_mj.theory.plants import Signal, find_system
 
 # The law whose index gives the reward.
 INDEX_LAW = "grosmc"

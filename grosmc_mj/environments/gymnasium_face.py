@@ -9,11 +9,11 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike
 
-from grosmc_mj.arrays import Array
 from grosmc_mj.environments.episode import Episode
 from grosmc_mj.environments.signals import input_label
-from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import ArgumentError, unknown_name
 
 # Named arrays; Gymnasium's own types say no more than Any.
 Named = dict[str, Any]

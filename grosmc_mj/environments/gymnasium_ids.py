@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 
-from grosmc_mj.errors import SetupError
+from grosmc_mj.ground.errors import SetupError
 
 IDS = {
     "grosmc_mj/Servo-v0": "servo",

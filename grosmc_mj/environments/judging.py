@@ -16,14 +16,14 @@ from grosmc_mj.chapter.claims.claim import (
 )
 from grosmc_mj.chapter.claims.judging import judge
 from grosmc_mj.chapter.claims.ledger import find_claim, select_claims
-from grosmc_mj.control.controller import Controller
 from grosmc_mj.environments.policies import policy_controller
-from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.experiments.settings import Settings
-from grosmc_mj.plants import find_system
+from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.plants import find_system
 
 # The law whose place the policy takes.
 REPLACED = "grosmc"

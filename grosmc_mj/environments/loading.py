@@ -6,8 +6,8 @@ import warnings
 from typing import TYPE_CHECKING, Any
 
 from grosmc_mj.environments.episode import Episode
-from grosmc_mj.errors import SetupError
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.ground.errors import SetupError
 
 if TYPE_CHECKING:
     from dm_control.rl.control import Environment

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from grosmc_mj.arguments import reals
-from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller, Sampled, custom_controller
 from grosmc_mj.environments.signals import Index, Observation, Signals, input_label
-from grosmc_mj.errors import ArgumentError, UndefinedLawError
-from grosmc_mj.plants import System, find_system
+from grosmc_mj.ground.arguments import reals
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import ArgumentError, UndefinedLawError
 from grosmc_mj.simulation.law_inputs import sample_law
+from grosmc_mj.theory.control.controller import Controller, Sampled, custom_controller
+from grosmc_mj.theory.plants import System, find_system
 
 
 class LawPolicy:

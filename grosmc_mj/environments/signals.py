@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.matrices import quadratic
-from grosmc_mj.plants import System
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.control.matrices import quadratic
+from grosmc_mj.theory.plants import System
 
 Observation = Mapping[str, Any]
 

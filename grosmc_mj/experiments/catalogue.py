@@ -5,15 +5,15 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
-from grosmc_mj.arguments import require_known
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import realized
-from grosmc_mj.control.task import AS_PRINTED, Analytic, Realization
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.shipped import case_order, shipped_files
-from grosmc_mj.fields import Name, checked_call
-from grosmc_mj.plants import find_system
+from grosmc_mj.ground.arguments import require_known
+from grosmc_mj.ground.fields import Name, checked_call
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.control.design import realized
+from grosmc_mj.theory.control.task import AS_PRINTED, Analytic, Realization
+from grosmc_mj.theory.plants import find_system
 
 
 def find_experiments(target: str) -> list[Experiment]:

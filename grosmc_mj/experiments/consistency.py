@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from grosmc_mj.arguments import require_known
-from grosmc_mj.errors import Mistakes
 from grosmc_mj.experiments.file.schema import CaseFile
 from grosmc_mj.experiments.laws import knows_limits
 from grosmc_mj.experiments.plants import NominalPlant
 from grosmc_mj.experiments.settings import Settings
-from grosmc_mj.files import name_in_files
-from grosmc_mj.loop import Loop
-from grosmc_mj.loop.timing import stride_of
+from grosmc_mj.ground.arguments import require_known
+from grosmc_mj.ground.errors import Mistakes
+from grosmc_mj.ground.files import name_in_files
+from grosmc_mj.simulation.loop import Loop
+from grosmc_mj.simulation.loop.timing import stride_of
 
 
 def refuse_inconsistent(

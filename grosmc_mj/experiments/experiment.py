@@ -14,22 +14,6 @@ from typing import Any, cast
 
 import numpy as np
 
-from grosmc_mj.arguments import require, require_known
-from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import realized
-from grosmc_mj.control.switching import SwitchingNumbers, find_switching
-from grosmc_mj.control.task import AS_PRINTED, Realization
-from grosmc_mj.control.uncertainty.outputs import Uncertainty
-from grosmc_mj.errors import (
-    ArgumentError,
-    DivergenceError,
-    GrosmcError,
-    ImplausibleWarning,
-    Mistakes,
-    MistakesError,
-    placed,
-)
 from grosmc_mj.experiments.consistency import refuse_inconsistent
 from grosmc_mj.experiments.file.numbers import in_order, uncertainty
 from grosmc_mj.experiments.file.parts import (
@@ -47,28 +31,44 @@ from grosmc_mj.experiments.file.values import disturbances_of, edits_of, state_o
 from grosmc_mj.experiments.laws import LawRequest, design, knows_limits
 from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant, nominal_plant
 from grosmc_mj.experiments.plausible import beyond_ranges, implausible, joint_ranges
-from grosmc_mj.experiments.requirements import requirements_in
+from grosmc_mj.experiments.requirement_tables import requirements_in
+from grosmc_mj.experiments.requirements.conditions import Conditions, end_of_transient
+from grosmc_mj.experiments.requirements.judging import Judgement, decidable, judge_runs
+from grosmc_mj.experiments.requirements.measured_run import MeasuredRun
+from grosmc_mj.experiments.requirements.metrics import Metric
+from grosmc_mj.experiments.requirements.optimum import compare_with_optimum
+from grosmc_mj.experiments.requirements.requirement import Requirement
+from grosmc_mj.experiments.requirements.run_metrics import measure
 from grosmc_mj.experiments.settings import Settings, settings_of_file
-from grosmc_mj.loop import AppliedLoop, Loop, apply_loop
-from grosmc_mj.loop.timing import stride_of
-from grosmc_mj.machine import MachinePart
-from grosmc_mj.machine.motor import Motor
-from grosmc_mj.physics.edit import Edit
-from grosmc_mj.plants import AnalyticPlant, System
-from grosmc_mj.requirements.conditions import Conditions, end_of_transient
-from grosmc_mj.requirements.judging import Judgement, decidable, judge_runs
-from grosmc_mj.requirements.measured_run import MeasuredRun
-from grosmc_mj.requirements.metrics import Metric
-from grosmc_mj.requirements.optimum import compare_with_optimum
-from grosmc_mj.requirements.requirement import Requirement
-from grosmc_mj.requirements.run_metrics import measure
+from grosmc_mj.ground.arguments import require, require_known
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import (
+    ArgumentError,
+    DivergenceError,
+    GrosmcError,
+    ImplausibleWarning,
+    Mistakes,
+    MistakesError,
+    placed,
+)
+from grosmc_mj.ground.units import in_units
+from grosmc_mj.mechanics.machine import MachinePart
+from grosmc_mj.mechanics.machine.motor import Motor
+from grosmc_mj.mechanics.physics.edit import Edit
 from grosmc_mj.simulation.acting import with_acting
 from grosmc_mj.simulation.disturbances import AnyDisturbance
 from grosmc_mj.simulation.law_inputs import require_answer
+from grosmc_mj.simulation.loop import AppliedLoop, Loop, apply_loop
+from grosmc_mj.simulation.loop.timing import stride_of
 from grosmc_mj.simulation.prepare import number_of_steps, prepare
 from grosmc_mj.simulation.problem import Plant
 from grosmc_mj.simulation.simulate import simulate
-from grosmc_mj.units import in_units
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.control.design import realized
+from grosmc_mj.theory.control.switching import SwitchingNumbers, find_switching
+from grosmc_mj.theory.control.task import AS_PRINTED, Realization
+from grosmc_mj.theory.control.uncertainty.outputs import Uncertainty
+from grosmc_mj.theory.plants import AnalyticPlant, System
 
 # The package's own laws are designed once for all experiments on one task and nominal plant.
 _shared_designs: dict[str, dict[Any, Controller]] = {}

@@ -12,21 +12,21 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.control.coordinates.state import StateCoordinates
-from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.case_document import case_document, seed_of
-from grosmc_mj.films.film import Film, Format, Take
-from grosmc_mj.films.frames import Storyboard
-from grosmc_mj.films.frames import __file__ as drawing_code
-from grosmc_mj.films.storyboard import storyboard
-from grosmc_mj.films.write import Written, write_film
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.requirements.measured_run import MeasuredRun
-from grosmc_mj.results.document import origin, write_json
-from grosmc_mj.results.palette import law_styles
+from grosmc_mj.experiments.requirements.measured_run import MeasuredRun
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.output.films.film import Film, Format, Take
+from grosmc_mj.output.films.frames import Storyboard
+from grosmc_mj.output.films.frames import __file__ as drawing_code
+from grosmc_mj.output.films.storyboard import storyboard
+from grosmc_mj.output.films.write import Written, write_film
+from grosmc_mj.output.results.document import origin, write_json
+from grosmc_mj.output.results.palette import law_styles
 from grosmc_mj.simulation.trajectory import Status
+from grosmc_mj.theory.control.coordinates.state import StateCoordinates
+from grosmc_mj.theory.control.coordinates.symbolic import ErrorCoordinates
 
 # Controllers and format of the films of validate: smaller than a single film, since there are many.
 CONTROLLERS = ("lqr", "grosmc")

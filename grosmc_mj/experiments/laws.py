@@ -11,30 +11,16 @@ from typing import Any, Literal
 
 import sympy as sp
 
-from grosmc_mj.arguments import require_known
-from grosmc_mj.arrays import Array
-from grosmc_mj.cases.cart_pendulum.cart import holding_ism, holding_lqr, holding_pfl
-from grosmc_mj.control.controller import Controller, custom_controller
-from grosmc_mj.control.coordinates.base import Coordinates
-from grosmc_mj.control.coordinates.feedback_linearization import feedback_linearization
-from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates, error_names
-from grosmc_mj.control.design import (
-    computed_torque_pd,
-    linear_grosmc,
-    linear_lqr,
-    linearized_lqr,
-    regulating_grosmc,
-    state_grosmc,
-    tracking_grosmc,
-)
-from grosmc_mj.control.from_control import from_control, is_linear_system
-from grosmc_mj.control.references import TIME, ReferenceFunction, reference
-from grosmc_mj.control.rivals.adaptive import adaptive
-from grosmc_mj.control.rivals.integral import fl_pid, lqi
-from grosmc_mj.control.rivals.observer import adrc
-from grosmc_mj.control.rivals.pid import pid
-from grosmc_mj.control.task import NoNumbers, Task, state_task
-from grosmc_mj.errors import (
+from grosmc_mj.experiments.cases.cart_pendulum.cart import holding_ism, holding_lqr, holding_pfl
+from grosmc_mj.experiments.file.formula import formula
+from grosmc_mj.experiments.file.numbers import in_order, law_number, weight
+from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable, OutputsTable
+from grosmc_mj.experiments.file.user_code import blamed, is_named, load_named
+from grosmc_mj.experiments.file.values import state_of
+from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant
+from grosmc_mj.ground.arguments import require_known
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import (
     ArgumentError,
     GrosmcError,
     PremiseError,
@@ -44,16 +30,30 @@ from grosmc_mj.errors import (
     unknown_name,
     value_text,
 )
-from grosmc_mj.experiments.file.formula import formula
-from grosmc_mj.experiments.file.numbers import in_order, law_number, weight
-from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable, OutputsTable
-from grosmc_mj.experiments.file.user_code import blamed, is_named, load_named
-from grosmc_mj.experiments.file.values import state_of
-from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant
-from grosmc_mj.loop import Loop
-from grosmc_mj.plants import AnalyticPlant, OperatingPoint, System
-from grosmc_mj.plants.two_link_arm import tip
-from grosmc_mj.robots.robot import Robot
+from grosmc_mj.mechanics.robots.robot import Robot
+from grosmc_mj.simulation.loop import Loop
+from grosmc_mj.theory.control.controller import Controller, custom_controller
+from grosmc_mj.theory.control.coordinates.base import Coordinates
+from grosmc_mj.theory.control.coordinates.feedback_linearization import feedback_linearization
+from grosmc_mj.theory.control.coordinates.symbolic import ErrorCoordinates, error_names
+from grosmc_mj.theory.control.design import (
+    computed_torque_pd,
+    linear_grosmc,
+    linear_lqr,
+    linearized_lqr,
+    regulating_grosmc,
+    state_grosmc,
+    tracking_grosmc,
+)
+from grosmc_mj.theory.control.from_control import from_control, is_linear_system
+from grosmc_mj.theory.control.references import TIME, ReferenceFunction, reference
+from grosmc_mj.theory.control.rivals.adaptive import adaptive
+from grosmc_mj.theory.control.rivals.integral import fl_pid, lqi
+from grosmc_mj.theory.control.rivals.observer import adrc
+from grosmc_mj.theory.control.rivals.pid import pid
+from grosmc_mj.theory.control.task import NoNumbers, Task, state_task
+from grosmc_mj.theory.plants import AnalyticPlant, OperatingPoint, System
+from grosmc_mj.theory.plants.two_link_arm import tip
 
 Maker = Callable[..., Controller]
 Laws = Mapping[str, Maker]

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Any
 
-from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.fields import Items, checked_call
+from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.ground.fields import Items, checked_call
 
 
 @checked_call

@@ -9,21 +9,21 @@ from pathlib import Path
 
 import numpy as np
 
-from grosmc_mj.arguments import require_known
-from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError, placed
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.file.schema import MeasuredTable
-from grosmc_mj.logs.log import Log, name_of_log
-from grosmc_mj.plants import System
-from grosmc_mj.requirements.judging import Judgement, judge_runs
-from grosmc_mj.requirements.metrics import Metric, largest_of
-from grosmc_mj.requirements.optimum import Comparison, compare_with_optimum
-from grosmc_mj.requirements.requirement import Requirement, missing_signals
-from grosmc_mj.requirements.run_metrics import measure
-from grosmc_mj.requirements.signals import ERROR
+from grosmc_mj.experiments.logs.log import Log, name_of_log
+from grosmc_mj.experiments.requirements.judging import Judgement, judge_runs
+from grosmc_mj.experiments.requirements.metrics import Metric, largest_of
+from grosmc_mj.experiments.requirements.optimum import Comparison, compare_with_optimum
+from grosmc_mj.experiments.requirements.requirement import Requirement, missing_signals
+from grosmc_mj.experiments.requirements.run_metrics import measure
+from grosmc_mj.experiments.requirements.signals import ERROR
+from grosmc_mj.ground.arguments import require_known
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import ArgumentError, placed
 from grosmc_mj.simulation.trajectory import Status, Trajectory
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.plants import System
 
 # Name of the plant that made a log.
 MEASURED = "measured"
@@ -168,7 +168,7 @@ def _result_of_log(
 ) -> MeasuredResult:
     """Return a log as a run."""
     # Imported here: runs without a log need no pyarrow.
-    from grosmc_mj.logs.read import read_log
+    from grosmc_mj.experiments.logs.read import read_log
 
     system = experiment.nominal.system
     law = _law_of(experiment, path, table.law)

@@ -10,15 +10,16 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
 
-from grosmc_mj.arguments import require_known
-from grosmc_mj.errors import ArgumentError, PremiseError, SetupError, value_text
 from grosmc_mj.experiments.file.parts import MACHINE_PARTS
 from grosmc_mj.experiments.file.schema import CaseFile
 from grosmc_mj.experiments.file.user_code import blamed, load_named
 from grosmc_mj.experiments.file.values import edits_of, states_of
-from grosmc_mj.physics.edit import Edit
-from grosmc_mj.physics.mujoco_plant import Integrator, MujocoPlant
-from grosmc_mj.plants import (
+from grosmc_mj.ground.arguments import require_known
+from grosmc_mj.ground.errors import ArgumentError, PremiseError, SetupError, value_text
+from grosmc_mj.mechanics.physics.edit import Edit
+from grosmc_mj.mechanics.physics.mujoco_plant import Integrator, MujocoPlant
+from grosmc_mj.mechanics.robots.robot import Robot
+from grosmc_mj.theory.plants import (
     SYSTEMS,
     AnalyticPlant,
     OperatingPoint,
@@ -28,7 +29,6 @@ from grosmc_mj.plants import (
     equilibrium,
     find_system,
 )
-from grosmc_mj.robots.robot import Robot
 
 PlantName = Literal["printed", "corrected", "physics"]
 

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.file.parts import TABLES, table_of, unit_of
-from grosmc_mj.fields import Range, range_of
-from grosmc_mj.loop import Loop
-from grosmc_mj.machine.stops import Stop
-from grosmc_mj.physics.edit import Edit
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.plants import Plant, System
+from grosmc_mj.ground.fields import Range, range_of
+from grosmc_mj.mechanics.machine.stops import Stop
+from grosmc_mj.mechanics.physics.edit import Edit
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.loop import Loop
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.plants import Plant, System
 
 # Instants of a run at which a reference is looked at.
 _INSTANTS = 201

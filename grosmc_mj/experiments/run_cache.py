@@ -7,14 +7,14 @@ from copy import copy
 from dataclasses import replace
 from typing import Any
 
-from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment, RunResult, run_on
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.settings import Settings
-from grosmc_mj.physics.edit import Edit
-from grosmc_mj.plants import AnalyticPlant, Plant
+from grosmc_mj.mechanics.physics.edit import Edit
 from grosmc_mj.simulation.disturbances import AnyDisturbance
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.plants import AnalyticPlant, Plant
 
 
 class RunCache:

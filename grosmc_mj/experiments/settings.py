@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
-from grosmc_mj.arguments import require_known
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.switching import SWITCHINGS
 from grosmc_mj.experiments.file.schema import CaseFile
 from grosmc_mj.experiments.plants import NominalPlant
-from grosmc_mj.physics.mujoco_plant import Integrator
+from grosmc_mj.ground.arguments import require_known
+from grosmc_mj.mechanics.physics.mujoco_plant import Integrator
 from grosmc_mj.simulation.prepare import ANALYTIC_TIMESTEP
 from grosmc_mj.simulation.simulate import Engine
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.control.switching import SWITCHINGS
 
 Surface = Literal["printed", "discrete"]
 

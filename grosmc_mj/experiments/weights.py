@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Design, gain_keys
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.theory.control.controller import Design, gain_keys
 
 
 def named_weights(design: Design) -> dict[str, dict[str, float]]:

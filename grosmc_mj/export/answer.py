@@ -8,13 +8,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.rivals.pid import PidNumbers
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.requirements.judging import Judgement
 from grosmc_mj.export.law import LawInC
 from grosmc_mj.export.proof import Proof, Verdict
-from grosmc_mj.requirements.judging import Judgement
-from grosmc_mj.results.result import (
+from grosmc_mj.ground.versions import versions
+from grosmc_mj.output.results.result import (
     KEPT,
     MEASURED,
     NOT_KEPT,
@@ -24,8 +23,9 @@ from grosmc_mj.results.result import (
     Result,
     result,
 )
-from grosmc_mj.results.tables import Table, names, number, numbers, table, words
-from grosmc_mj.versions import versions
+from grosmc_mj.output.results.tables import Table, names, number, numbers, table, words
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.control.rivals.pid import PidNumbers
 
 NOT_PROVEN = "not proven: there is no C compiler here"
 

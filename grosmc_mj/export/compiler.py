@@ -12,11 +12,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.errors import SetupError, one_line
 from grosmc_mj.export.law import LawInC
 from grosmc_mj.export.templates import rendered
-from grosmc_mj.files import write_whole
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import SetupError, one_line
+from grosmc_mj.ground.files import write_whole
 
 # As strict as a reviewer's build; -ffp-contract=off is for compilers that read no pragma.
 FLAGS = (

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 from grosmc_mj.export.law import LawInC
 from grosmc_mj.export.templates import rendered
-from grosmc_mj.files import atomic_write
-from grosmc_mj.versions import versions
+from grosmc_mj.ground.files import atomic_write
+from grosmc_mj.ground.versions import versions
 
 
 class _Variable(NamedTuple):

@@ -19,7 +19,7 @@ from grosmc_mj.export.program import Function, Program
 from grosmc_mj.export.statements import Statements
 from grosmc_mj.export.syntax import ExportError, NoCError, where, whole_expressions
 from grosmc_mj.export.values import ATOM, Array, Number, is_known, items, signature
-from grosmc_mj.jitable import source_of
+from grosmc_mj.ground.compilation.jitable import source_of
 
 
 def translate(program: Program, function: Any, *arguments: Any) -> Function:

@@ -9,16 +9,16 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numba import types
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
 from grosmc_mj.export.compiler import CompiledLaw
 from grosmc_mj.export.law import LawInC
-from grosmc_mj.jitable import compiled_as, jitable
-from grosmc_mj.loop.applied import AppliedLoop
-from grosmc_mj.loop.ring import ring_row
-from grosmc_mj.loop.start import LoopRun
-from grosmc_mj.records import pack, with_fields
-from grosmc_mj.structures import pointer, structure_at, structure_of
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.compilation.jitable import compiled_as, jitable
+from grosmc_mj.ground.compilation.records import pack, with_fields
+from grosmc_mj.ground.compilation.structures import pointer, structure_at, structure_of
+from grosmc_mj.simulation.loop.applied import AppliedLoop
+from grosmc_mj.simulation.loop.ring import ring_row
+from grosmc_mj.simulation.loop.start import LoopRun
+from grosmc_mj.theory.control.controller import Controller
 
 
 class _Step(NamedTuple):

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.surface import integrate
 from grosmc_mj.export.functions import translate
 from grosmc_mj.export.loop import (
     hold_output,
@@ -22,9 +20,11 @@ from grosmc_mj.export.program import Function, Program
 from grosmc_mj.export.syntax import ExportError
 from grosmc_mj.export.templates import rendered
 from grosmc_mj.export.values import Array, Number, record_at
-from grosmc_mj.loop.applied import AppliedLoop
-from grosmc_mj.plants import Signal, System
-from grosmc_mj.records import pack
+from grosmc_mj.ground.compilation.records import pack
+from grosmc_mj.simulation.loop.applied import AppliedLoop
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.control.surface import integrate
+from grosmc_mj.theory.plants import Signal, System
 
 # Answers of ``NAME_step``.
 UNDEFINED_LAW = 1

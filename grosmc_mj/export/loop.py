@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.control.memory import Memory
 from grosmc_mj.export.values import Number, Record
-from grosmc_mj.loop.applied import AppliedLoop
-from grosmc_mj.loop.sent import keep_output
-from grosmc_mj.loop.software import Software, observe
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.simulation.loop.applied import AppliedLoop
+from grosmc_mj.simulation.loop.sent import keep_output
+from grosmc_mj.simulation.loop.software import Software, observe
+from grosmc_mj.theory.control.memory import Memory
 
 
 @dataclass

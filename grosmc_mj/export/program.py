@@ -10,15 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from grosmc_mj.export.c_text import (
-    MEMORY,
-    c_function_name,
-    calls,
-    literal,
-)
+from grosmc_mj.export.c_text import MEMORY, c_function_name, calls, literal
 from grosmc_mj.export.syntax import NoCError
 from grosmc_mj.export.values import Array, Number
-from grosmc_mj.jitable import compiled_source
+from grosmc_mj.ground.compilation.jitable import compiled_source
 
 
 @dataclass(eq=False)

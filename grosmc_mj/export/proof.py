@@ -8,22 +8,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment, run_on
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.shipped import campaign_files
+from grosmc_mj.experiments.requirements.judging import Judgement, judge_runs
 from grosmc_mj.export.compiler import CompiledLaw
 from grosmc_mj.export.in_simulation import LawInSimulation, in_simulation
 from grosmc_mj.export.law import LawInC
-from grosmc_mj.plants import Plant
-from grosmc_mj.requirements.judging import Judgement, judge_runs
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
-from grosmc_mj.sweep.family import family_of, random_points
-from grosmc_mj.sweep.quantities import with_values
-from grosmc_mj.sweep.runs import plant_of
+from grosmc_mj.studies.sweep.family import family_of, random_points
+from grosmc_mj.studies.sweep.quantities import with_values
+from grosmc_mj.studies.sweep.runs import plant_of
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.plants import Plant
 
 # Random plants of a batch: the trajectories of all of them are in memory.
 _BATCH = 25

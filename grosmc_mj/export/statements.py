@@ -17,7 +17,11 @@ from grosmc_mj.export.values import Array, Number, Record, is_known, items, unio
 # Assignments that C has, too.
 _COMPOUND = (ast.Add, ast.Sub, ast.Mult, ast.Div)
 # Modules whose loops run over rows, or indices, of which different numbers are known.
-_WRITTEN_OUT = ("grosmc_mj.loop.", "grosmc_mj.export.loop", "grosmc_mj.control.coordinates.")
+_WRITTEN_OUT = (
+    "grosmc_mj.simulation.loop.",
+    "grosmc_mj.export.loop",
+    "grosmc_mj.theory.control.coordinates.",
+)
 _ELSEWHERE = "returns another number of values elsewhere"
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
 
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.ground.errors import ArgumentError
 
 
 class ExportError(ArgumentError):

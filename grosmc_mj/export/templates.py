@@ -10,7 +10,7 @@ import jinja2
 
 from grosmc_mj.export.c_text import calls, comment, mentions, wrapped
 from grosmc_mj.export.structures import definition, initial
-from grosmc_mj.plants import Signal
+from grosmc_mj.theory.plants import Signal
 
 
 def rendered(template: str, **values: Any) -> str:

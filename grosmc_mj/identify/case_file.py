@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import tomli_w
 
-from grosmc_mj.errors import ModelError
 from grosmc_mj.experiments.file.content import read_content
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.files import atomic_write
+from grosmc_mj.ground.errors import ModelError
+from grosmc_mj.ground.files import atomic_write
 from grosmc_mj.identify.fit import Fit
-from grosmc_mj.sweep.quantities import Quantity
+from grosmc_mj.studies.sweep.quantities import Quantity
 
 # A fitted number is drawn within so many standard deviations.
 _WITHIN = 5.0

@@ -8,15 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, GrosmcError, SetupError
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.logs.log import Log
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import ArgumentError, GrosmcError, SetupError
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.identify.starts import fitted_starts
-from grosmc_mj.logs.log import Log
-from grosmc_mj.plants import System
-from grosmc_mj.results.result import (
+from grosmc_mj.output.results.result import (
     MEASURED,
     Answer,
     LineChart,
@@ -27,7 +26,8 @@ from grosmc_mj.results.result import (
     finite,
     result,
 )
-from grosmc_mj.results.tables import names, number, numbers, table
+from grosmc_mj.output.results.tables import names, number, numbers, table
+from grosmc_mj.theory.plants import System
 
 # Shares of the longest horizon at which the error is reported.
 _SHARES = (0.1, 0.2, 0.5, 1.0)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from grosmc_mj.errors import ArgumentError
-from grosmc_mj.films.film import Film, Take
+from grosmc_mj.experiments.logs.log import Log
+from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.identify.starts import fitted_starts
-from grosmc_mj.logs.log import Log
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.plants import Plant
-from grosmc_mj.results.palette import BLUE
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.output.films.film import Film, Take
+from grosmc_mj.output.results.palette import BLUE
 from grosmc_mj.simulation.trajectory import Trajectory
+from grosmc_mj.theory.plants import Plant
 
 
 def film_of_log(rung: LogModel, log: Log, horizon: float) -> Film:

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.identify.hidden import HiddenParameter, hidden_parameter
 from grosmc_mj.identify.intervals import covariance, half_widths
 from grosmc_mj.identify.model import LogModel
@@ -22,8 +22,8 @@ from grosmc_mj.identify.refine import SMALL, refined
 from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.identify.residual import Residual, rescaled, residual_of, searched
 from grosmc_mj.identify.slips import likely_slip, unexplained_share
-from grosmc_mj.plants import Plant
-from grosmc_mj.sweep.quantities import Quantity
+from grosmc_mj.studies.sweep.quantities import Quantity
+from grosmc_mj.theory.plants import Plant
 
 
 @dataclass(frozen=True, eq=False)

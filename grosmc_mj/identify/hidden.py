@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grosmc_mj.arrays import Array
+from grosmc_mj.ground.arrays import Array
 from grosmc_mj.identify.parameters import Parameters
 
 # A direction whose standard deviation is more than this share of the parameters is not visible.

@@ -23,7 +23,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
-from grosmc_mj.arrays import Array
+from grosmc_mj.ground.arrays import Array
 
 # Share of a piece that its lags may be, at most: of longer ones there are too few pairs.
 _MOST_LAGS = 0.25

@@ -7,15 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError
-from grosmc_mj.logs.log import Log
-from grosmc_mj.loop import AppliedLoop
-from grosmc_mj.loop.sent import keep_output
-from grosmc_mj.loop.software import observe
-from grosmc_mj.loop.timing import steps_to
-from grosmc_mj.results.tables import number
+from grosmc_mj.experiments.logs.log import Log
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.output.results.tables import number
 from grosmc_mj.simulation.law_inputs import sample_law
+from grosmc_mj.simulation.loop import AppliedLoop
+from grosmc_mj.simulation.loop.sent import keep_output
+from grosmc_mj.simulation.loop.software import observe
+from grosmc_mj.simulation.loop.timing import steps_to
 
 # A logged command may stand so many rows after the states that it was computed from, at most.
 _MOST_ROWS = 3

@@ -7,11 +7,11 @@ from dataclasses import fields, replace
 from typing import Any
 
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.loop import Loop
-from grosmc_mj.machine import MachinePart
-from grosmc_mj.physics.edit import Edit
-from grosmc_mj.physics.edits import AddedMass, BodyEdit, JointEdit
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.mechanics.machine import MachinePart
+from grosmc_mj.mechanics.physics.edit import Edit
+from grosmc_mj.mechanics.physics.edits import AddedMass, BodyEdit, JointEdit
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.loop import Loop
 
 # Fields of a part of the loop that are no property of the machine by themselves.
 _NO_PROPERTIES = ("of", "exact", "order")

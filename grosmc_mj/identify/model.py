@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from grosmc_mj.errors import GrosmcError
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.logs.log import Log
-from grosmc_mj.loop import Loop, Sensor
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.plants import Plant
+from grosmc_mj.experiments.logs.log import Log
+from grosmc_mj.ground.errors import GrosmcError
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import AnyDisturbance, Constant, Pulse, SineFrom
+from grosmc_mj.simulation.loop import Loop, Sensor
+from grosmc_mj.theory.plants import Plant
 
 # Time over which the speeds of a log are taken, in samples at least and in seconds.
 _SPEED_SAMPLES = 5

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.schema import QUANTITIES, UncertainTable
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import ArgumentError, unknown_name
 from grosmc_mj.identify.model import LogModel
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.plants import Plant
-from grosmc_mj.sweep.family import family_of
-from grosmc_mj.sweep.quantities import Quantity, with_values
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.studies.sweep.family import family_of
+from grosmc_mj.studies.sweep.quantities import Quantity, with_values
+from grosmc_mj.theory.plants import Plant
 
 # Numbers beside the plant's that a log shows: of a load, how late inputs arrive, how a sensor errs.
 _VISIBLE = (

@@ -10,17 +10,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grosmc_mj.arrays import Array, as_rows
-from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.logs.log import Log
 from grosmc_mj.experiments.measured import MeasuredResult, partly_known, run_of_log
+from grosmc_mj.ground.arrays import Array, as_rows
+from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.identify.law_on_log import LawOnLog, law_on_log
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.identify.starts import fitted_starts
-from grosmc_mj.logs.log import Log
-from grosmc_mj.loop import Loop, Sensor
-from grosmc_mj.loop.timing import steps_to
+from grosmc_mj.simulation.loop import Loop, Sensor
+from grosmc_mj.simulation.loop.timing import steps_to
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.identify.predict import Prediction, Quantity, Question, deciding
-from grosmc_mj.results.figure import figure_written
-from grosmc_mj.results.palette import BLACK, BLUE
-from grosmc_mj.results.result import (
+from grosmc_mj.output.results.figure import figure_written
+from grosmc_mj.output.results.palette import BLACK, BLUE
+from grosmc_mj.output.results.result import (
     KEPT,
     NOT_KEPT,
     OPEN,
@@ -23,7 +23,7 @@ from grosmc_mj.results.result import (
     report_tables,
     result,
 )
-from grosmc_mj.results.tables import Table, number, numbers, phrases, table
+from grosmc_mj.output.results.tables import Table, number, numbers, phrases, table
 
 # Name of the row of the machine with all its properties.
 COMPLETE = "(complete)"

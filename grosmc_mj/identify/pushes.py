@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from grosmc_mj.arrays import Array
+from grosmc_mj.experiments.logs.log import Log
+from grosmc_mj.ground.arrays import Array
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.identify.starts import fitted_starts
-from grosmc_mj.logs.log import Log
 
 # Error of a moment over the usual one, from which it is not explained.
 _UNUSUAL = 6.0

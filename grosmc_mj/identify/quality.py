@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grosmc_mj.arrays import Array
+from grosmc_mj.experiments.logs.log import Log
+from grosmc_mj.ground.arrays import Array
 from grosmc_mj.identify.fit import Fit
 from grosmc_mj.identify.intervals import is_white
 from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.identify.residual import residual_of, searched
-from grosmc_mj.logs.log import Log
-from grosmc_mj.plants import Plant, System
+from grosmc_mj.theory.plants import Plant, System
 
 # A state that deviates from its mean by fewer steps of its sensor stands still.
 _STILL = 3.0

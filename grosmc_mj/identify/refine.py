@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from grosmc_mj.arrays import Array
+from grosmc_mj.ground.arrays import Array
 from grosmc_mj.identify.residual import Residual
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 
 # Halvings of the timestep, at most: each costs twice the one before.
 _MOST_HALVINGS = 5

@@ -8,15 +8,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller, Sampled
-from grosmc_mj.control.memory import Memory, memory_of
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments.logs.log import SHORTEST_PIECE, Log, held
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.identify.model import LogModel
-from grosmc_mj.logs.log import SHORTEST_PIECE, Log, held
-from grosmc_mj.plants import System
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
+from grosmc_mj.theory.control.controller import Controller, Sampled
+from grosmc_mj.theory.control.memory import Memory, memory_of
+from grosmc_mj.theory.plants import System
 
 # Fewest samples of a window, and of its lead.
 _FEWEST = 10

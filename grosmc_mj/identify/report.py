@@ -6,15 +6,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from grosmc_mj.arrays import Array
+from grosmc_mj.experiments.logs.log import Log
+from grosmc_mj.ground.arrays import Array
 from grosmc_mj.identify.compare import PredictionError
 from grosmc_mj.identify.fit import Fit
 from grosmc_mj.identify.quality import Quality
-from grosmc_mj.logs.log import Log
-from grosmc_mj.plants import System
-from grosmc_mj.results.figure import figure_written
-from grosmc_mj.results.palette import BLUE, VERMILION
-from grosmc_mj.results.result import (
+from grosmc_mj.output.results.figure import figure_written
+from grosmc_mj.output.results.palette import BLUE, VERMILION
+from grosmc_mj.output.results.result import (
     MEASURED,
     OPEN,
     Answer,
@@ -24,8 +23,9 @@ from grosmc_mj.results.result import (
     report_tables,
     result,
 )
-from grosmc_mj.results.tables import Table, names, number, numbers, table, text, words
-from grosmc_mj.sweep.quantities import Quantity
+from grosmc_mj.output.results.tables import Table, names, number, numbers, table, text, words
+from grosmc_mj.studies.sweep.quantities import Quantity
+from grosmc_mj.theory.plants import System
 
 # Words for the residual.
 _WHITENESS = {True: "white", False: "correlated in time", None: "too short to tell"}

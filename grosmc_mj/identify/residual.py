@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.errors import SetupError
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import SetupError
 from grosmc_mj.identify.parameters import Parameters
 from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.identify.starts import first_guess, state_sizes
-from grosmc_mj.plants import Plant
+from grosmc_mj.theory.plants import Plant
 
 # Step of the differences for derivatives, as a share of a parameter's range and a state's size.
 _STEP = 1e-4

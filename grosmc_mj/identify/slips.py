@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from grosmc_mj.arrays import Array
+from grosmc_mj.experiments.logs.log import Log
+from grosmc_mj.ground.arrays import Array
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.identify.starts import first_guess
-from grosmc_mj.logs.log import Log
 
 # Slips of a column: the factor that would mend it, and the words for it.
 _SLIPS = (

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from grosmc_mj.arrays import Array
+from grosmc_mj.experiments.logs.log import Log
+from grosmc_mj.ground.arrays import Array
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.replay import Predictor, Window
-from grosmc_mj.logs.log import Log
 
 # Samples before and after the start of a window through which the parabola goes.
 _AROUND = 15

@@ -1,4 +1,5 @@
+from . import loop
 from .disturbances import Constant, SineFrom, Table
 from .trajectory import Status
 
-__all__ = ["Constant", "SineFrom", "Status", "Table"]
+__all__ = ["Constant", "SineFrom", "Status", "Table", "loop"]

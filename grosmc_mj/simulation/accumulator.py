@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from grosmc_mj.records import record_dtype
+from grosmc_mj.ground.compilation.records import record_dtype
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,10 +11,10 @@ from typing import Any
 
 import mujoco
 
-from grosmc_mj.arrays import Array, as_rows
-from grosmc_mj.machine.motor import Motor
-from grosmc_mj.plants import Plant
+from grosmc_mj.ground.arrays import Array, as_rows
+from grosmc_mj.mechanics.machine.motor import Motor
 from grosmc_mj.simulation.trajectory import Trajectory
+from grosmc_mj.theory.plants import Plant
 
 _FULL_PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 

@@ -14,13 +14,13 @@ from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, unknown_name, value_text
-from grosmc_mj.fields import Finite, Flag, Is, Name, Numbers, Range, Reals, checked
-from grosmc_mj.jitable import jitable
-from grosmc_mj.loop.timing import steps_in
-from grosmc_mj.plants import System
-from grosmc_mj.refusals import refusal
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.compilation.jitable import jitable
+from grosmc_mj.ground.errors import ArgumentError, unknown_name, value_text
+from grosmc_mj.ground.fields import Finite, Flag, Is, Name, Numbers, Range, Reals, checked
+from grosmc_mj.ground.refusals import refusal
+from grosmc_mj.simulation.loop.timing import steps_in
+from grosmc_mj.theory.plants import System
 
 # Kinds of courses in time: one of the formulas below, values at all timesteps, or a table.
 CONSTANT = 0.0

@@ -16,13 +16,13 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from grosmc_mj.compilation import compile_c
-from grosmc_mj.jitable import jitable
-from grosmc_mj.machine.drive_friction import NUMBERS, drive_frictions, friction_limit
-from grosmc_mj.physics.dry_friction import constraint_of
+from grosmc_mj.ground.compilation.compiler import compile_c
+from grosmc_mj.ground.compilation.jitable import jitable
+from grosmc_mj.ground.compilation.structures import Vector, pointer, structure_at, structure_of
+from grosmc_mj.mechanics.machine.drive_friction import NUMBERS, drive_frictions, friction_limit
+from grosmc_mj.mechanics.physics.dry_friction import constraint_of
 from grosmc_mj.simulation.guard import c_address
 from grosmc_mj.simulation.kernel import READ, STEP
-from grosmc_mj.structures import Vector, pointer, structure_at, structure_of
 
 # Row of each part: its numbers; softness and damping of its constraint, see ``constraint_of``.
 _FRICTION = np.dtype([(name, np.float64) for name in (*NUMBERS, "softness", "damping")])

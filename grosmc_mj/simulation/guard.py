@@ -10,8 +10,8 @@ from typing import Any
 
 import mujoco
 
-from grosmc_mj.errors import ModelError
-from grosmc_mj.physics.mjdata import mujoco_library
+from grosmc_mj.ground.errors import ModelError
+from grosmc_mj.mechanics.physics.mjdata import mujoco_library
 
 
 class Guard:

@@ -15,19 +15,10 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.compilation import compile_c
-from grosmc_mj.jitable import jitable
-from grosmc_mj.loop.actuators import actuate
-from grosmc_mj.loop.delay import send
-from grosmc_mj.loop.sent import keep_output
-from grosmc_mj.loop.software import Software, observe
-from grosmc_mj.loop.start import LoopRun
-from grosmc_mj.loop.world import remember, sense
-from grosmc_mj.simulation.disturbances import disturb
-from grosmc_mj.simulation.guard import Guard
-from grosmc_mj.simulation.trajectory import Status
-from grosmc_mj.structures import (
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.compilation.compiler import compile_c
+from grosmc_mj.ground.compilation.jitable import jitable
+from grosmc_mj.ground.compilation.structures import (
     Matrix,
     Vector,
     laid_out,
@@ -35,6 +26,15 @@ from grosmc_mj.structures import (
     structure_at,
     structure_of,
 )
+from grosmc_mj.simulation.disturbances import disturb
+from grosmc_mj.simulation.guard import Guard
+from grosmc_mj.simulation.loop.actuators import actuate
+from grosmc_mj.simulation.loop.delay import send
+from grosmc_mj.simulation.loop.sent import keep_output
+from grosmc_mj.simulation.loop.software import Software, observe
+from grosmc_mj.simulation.loop.start import LoopRun
+from grosmc_mj.simulation.loop.world import remember, sense
+from grosmc_mj.simulation.trajectory import Status
 
 # Entries of ``KernelRun.progress``.
 NEXT_STEP = 0

@@ -14,12 +14,12 @@ from typing import Any
 import numba
 import numpy as np
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller, Sampled
-from grosmc_mj.control.law import NoInputsError
-from grosmc_mj.control.memory import Memory
-from grosmc_mj.errors import ArgumentError, GrosmcError, one_line, value_text
-from grosmc_mj.jitable import jitable
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.compilation.jitable import jitable
+from grosmc_mj.ground.errors import ArgumentError, GrosmcError, one_line, value_text
+from grosmc_mj.theory.control.controller import Controller, Sampled
+from grosmc_mj.theory.control.law import NoInputsError
+from grosmc_mj.theory.control.memory import Memory
 
 # Folders of this package, of other packages and of Python's own library.
 _NOT_THE_USERS = (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.ground.errors import ArgumentError
 
 _GB = 1e9
 # Share of the machine's memory from which on a command says what its runs take.

@@ -13,22 +13,17 @@ from typing import Any
 import numba
 import numpy as np
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.compilation import compile_c, fingerprint
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.coordinates.design_model import Advance
-from grosmc_mj.control.law import Law, innermost
-from grosmc_mj.errors import ArgumentError, SetupError
-from grosmc_mj.jitable import is_users_function, jitable
-from grosmc_mj.loop.software import ADVANCE
-from grosmc_mj.loop.start import ideal_loop
-from grosmc_mj.physics.hooks import (
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.compilation.compiler import compile_c, fingerprint
+from grosmc_mj.ground.compilation.jitable import is_users_function, jitable
+from grosmc_mj.ground.compilation.records import pack, record_dtype
+from grosmc_mj.ground.compilation.structures import local_copy, record_at, structure_of
+from grosmc_mj.ground.errors import ArgumentError, SetupError
+from grosmc_mj.mechanics.physics.hooks import (
     clock_suspended,
     refuse_foreign_callback,
     warnings_counted_only,
 )
-from grosmc_mj.plants import System
-from grosmc_mj.records import pack, record_dtype
 from grosmc_mj.simulation.accumulator import Accumulator
 from grosmc_mj.simulation.guard import Guard, guard
 from grosmc_mj.simulation.kernel import (
@@ -44,11 +39,16 @@ from grosmc_mj.simulation.kernel import (
     note_members_at,
 )
 from grosmc_mj.simulation.law_inputs import LawError, all_finite, compiling, sample_law
+from grosmc_mj.simulation.loop.software import ADVANCE
+from grosmc_mj.simulation.loop.start import ideal_loop
 from grosmc_mj.simulation.problem import Problem, Record
 from grosmc_mj.simulation.python_engine import ClosedLoop, kernel_run, start
 from grosmc_mj.simulation.steppers import Stepper, Steppers, shared_model
 from grosmc_mj.simulation.trajectory import Status
-from grosmc_mj.structures import local_copy, record_at, structure_of
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.control.coordinates.design_model import Advance
+from grosmc_mj.theory.control.law import Law, innermost
+from grosmc_mj.theory.plants import System
 
 # Status of a run whose law raised an exception.
 _FAILED = -1

@@ -10,13 +10,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.loop.applied import AppliedLoop
-from grosmc_mj.plants import Plant, System
-from grosmc_mj.records import pack, record_dtype
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.compilation.records import pack, record_dtype
 from grosmc_mj.simulation.accumulator import Accumulator
 from grosmc_mj.simulation.disturbances import AnyDisturbance, packed, widths
+from grosmc_mj.simulation.loop.applied import AppliedLoop
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.plants import Plant, System
 
 
 @dataclass(frozen=True, eq=False)

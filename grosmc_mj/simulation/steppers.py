@@ -19,22 +19,18 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.compilation import compile_c
-from grosmc_mj.jitable import jitable
-from grosmc_mj.machine.drive_friction import has_drive_friction
-from grosmc_mj.physics.hidden_states import starts
-from grosmc_mj.plants import Plant, System
-from grosmc_mj.plants.runge_kutta import runge_kutta_step
-from grosmc_mj.records import pack, record_dtype
-from grosmc_mj.simulation.drive_friction import (
-    FrictionStepper,
-    compiled_read,
-    compiled_step,
-)
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.compilation.compiler import compile_c
+from grosmc_mj.ground.compilation.jitable import jitable
+from grosmc_mj.ground.compilation.records import pack, record_dtype
+from grosmc_mj.ground.compilation.structures import record_at
+from grosmc_mj.mechanics.machine.drive_friction import has_drive_friction
+from grosmc_mj.mechanics.physics.hidden_states import starts
+from grosmc_mj.simulation.drive_friction import FrictionStepper, compiled_read, compiled_step
 from grosmc_mj.simulation.guard import c_address, cannot_step
 from grosmc_mj.simulation.kernel import STEP
-from grosmc_mj.structures import record_at
+from grosmc_mj.theory.plants import Plant, System
+from grosmc_mj.theory.plants.runge_kutta import runge_kutta_step
 
 # A state beyond this bound has diverged; it is MuJoCo's own.
 LARGEST = mujoco.mjMAXVAL

@@ -13,14 +13,14 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError, one_line, unknown_name, value_text
-from grosmc_mj.fields import Is, checked_call
-from grosmc_mj.files import LARGEST_TABLE, atomic_write, require_regular
-from grosmc_mj.physics.edit import HiddenState
-from grosmc_mj.plants import SYSTEMS, Signal, System
-from grosmc_mj.versions import versions
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import ArgumentError, one_line, unknown_name, value_text
+from grosmc_mj.ground.fields import Is, checked_call
+from grosmc_mj.ground.files import LARGEST_TABLE, atomic_write, require_regular
+from grosmc_mj.ground.versions import versions
+from grosmc_mj.mechanics.physics.edit import HiddenState
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.plants import SYSTEMS, Signal, System
 
 
 class Status(Enum):

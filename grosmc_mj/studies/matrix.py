@@ -6,10 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from grosmc_mj.results.charts import write_cells
-from grosmc_mj.results.figure import in_lines
-from grosmc_mj.results.result import CellChart
-from grosmc_mj.results.tables import Table, numbers, table, words
+from grosmc_mj.output.results.charts import write_cells
+from grosmc_mj.output.results.figure import in_lines
+from grosmc_mj.output.results.result import CellChart
+from grosmc_mj.output.results.tables import Table, numbers, table, words
 from grosmc_mj.studies.studied import Condition, StudiedLaw
 
 # Value of a verdict in a chart of cells.

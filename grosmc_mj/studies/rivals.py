@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grosmc_mj.arrays import as_rows
 from grosmc_mj.experiments.experiment import Experiment, RunResult
-from grosmc_mj.results.tables import markdown_table, number, numbers, words
+from grosmc_mj.ground.arrays import as_rows
+from grosmc_mj.output.results.tables import markdown_table, number, numbers, words
 
 SYSTEMS = ("servo", "cart_pendulum", "arm", "two_link_arm")
 # The remaining error is the largest in the last part of a run [s].

@@ -6,17 +6,17 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from grosmc_mj.arguments import require_known
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError, GrosmcError
 from grosmc_mj.experiments.catalogue import find_experiments
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.schema import RequirementTable
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.requirements import kinds_in, requirement_of
-from grosmc_mj.loop import Loop
-from grosmc_mj.requirements.judging import decidable, of_laws
-from grosmc_mj.requirements.requirement import Requirement
+from grosmc_mj.experiments.requirement_tables import kinds_in, requirement_of
+from grosmc_mj.experiments.requirements.judging import decidable, of_laws
+from grosmc_mj.experiments.requirements.requirement import Requirement
+from grosmc_mj.ground.arguments import require_known
+from grosmc_mj.ground.errors import ArgumentError, GrosmcError
+from grosmc_mj.simulation.loop import Loop
+from grosmc_mj.theory.control.controller import Controller
 
 UNDER_LOAD = "under load"
 # Cases of a system: in a loop of equipment that one can buy, and with a machine of it, too.

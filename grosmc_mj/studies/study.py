@@ -12,14 +12,14 @@ from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 from pydantic import BaseModel
 
-from grosmc_mj.executors import Notice
 from grosmc_mj.experiments.case_document import case_document
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.user_code import named_in, sources
-from grosmc_mj.files import atomic_write
-from grosmc_mj.results.document import json_text
+from grosmc_mj.ground.executors import Notice
+from grosmc_mj.ground.files import atomic_write
+from grosmc_mj.ground.versions import source_digest, versions
+from grosmc_mj.output.results.document import json_text
 from grosmc_mj.studies.studied import Condition
-from grosmc_mj.versions import source_digest, versions
 
 AnyRow = TypeVar("AnyRow", bound=BaseModel)
 # Function that is told how far the measurement of a cell is.

@@ -23,7 +23,7 @@ from benchmarks.loops import benchmark
 from benchmarks.machines import benchmark_machines
 from benchmarks.tables import tables_text, throughput_table
 from benchmarks.timing import Ratio, Throughput, TimedLoop
-from grosmc_mj.plants import SYSTEMS
+from grosmc_mj.theory.plants import SYSTEMS
 
 
 @pytest.mark.slow

@@ -21,7 +21,7 @@ from rich.cells import cell_len
 from rich.console import Console
 from shipped import REGULATION, uncertainty_of
 
-from grosmc_mj import cases, cli
+from grosmc_mj import cli
 from grosmc_mj.chapter.claims import claim as claims
 from grosmc_mj.chapter.claims import story
 from grosmc_mj.chapter.claims.claim import Claim, Finding, Kind, Measured, PlantFinding, Verdict
@@ -32,14 +32,15 @@ from grosmc_mj.chapter.claims.measurements.theory import optimum_of_rate
 from grosmc_mj.chapter.claims.results import claims_result, sweeps_result
 from grosmc_mj.chapter.claims.sweep import stored_flips, stored_sweeps, sweep
 from grosmc_mj.cli.commands import claims as claims_command
-from grosmc_mj.errors import GainError
+from grosmc_mj.experiments import cases
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.experiments.settings import Settings
-from grosmc_mj.results.document import json_text
-from grosmc_mj.results.result import Result
-from grosmc_mj.results.tables import WIDTH
+from grosmc_mj.ground.errors import GainError
+from grosmc_mj.output.results.document import json_text
+from grosmc_mj.output.results.result import Result
+from grosmc_mj.output.results.tables import WIDTH
 
 LAB = RunCache(Settings())
 PAGE = Path(cli.__file__).parents[2] / "docs" / "claims.md"

@@ -11,16 +11,16 @@ import pytest
 from faults import FAULTS
 from shipped import controller_names
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.assumptions.balance import switching_rate
 from grosmc_mj.chapter.claims.judging import judge
 from grosmc_mj.chapter.claims.ledger import find_claim
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.reaching import nominal_law
+from grosmc_mj.experiments.assumptions.balance import switching_rate
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.experiments.settings import Settings
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.control.reaching import nominal_law
 
 SYSTEMS = ("servo", "cart_pendulum", "arm", "two_link_arm")
 SOUND = RunCache(Settings())

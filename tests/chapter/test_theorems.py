@@ -15,14 +15,11 @@ from grosmc_mj.chapter.claims.claim import Verdict
 from grosmc_mj.chapter.claims.judging import judge
 from grosmc_mj.chapter.claims.ledger import find_claim
 from grosmc_mj.chapter.claims.measurements.servo import undercut
-from grosmc_mj.chapter.claims.measurements.theory import (
-    reaching_time,
-    slowest_approach,
-)
+from grosmc_mj.chapter.claims.measurements.theory import reaching_time, slowest_approach
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.experiments.settings import Settings
-from grosmc_mj.physics.edits import BodyEdit
+from grosmc_mj.mechanics.physics.edits import BodyEdit
 from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse
 
 LAB = RunCache(Settings())

@@ -19,11 +19,11 @@ from conftest import Store, Stored
 from rich.cells import cell_len
 
 from grosmc_mj import cli
-from grosmc_mj.arrays import Array
 from grosmc_mj.chapter import agreement
 from grosmc_mj.chapter import expected_results as expected
 from grosmc_mj.chapter.claims.ledger import CLAIMS
-from grosmc_mj.results.result import Result
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.output.results.result import Result
 
 pytestmark = pytest.mark.slow
 

@@ -20,14 +20,13 @@ from conftest import held
 from shipped import case_plant, find_case, nominal_controller, of_case
 
 import grosmc_mj
-from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.switching import find_switching
-from grosmc_mj.control.task import Realization
 from grosmc_mj.environments import law_policy, register
 from grosmc_mj.environments.episode import Episode
 from grosmc_mj.environments.gymnasium_ids import IDS
-from grosmc_mj.errors import (
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.settings import Settings
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import (
     ArgumentError,
     DivergenceError,
     GrosmcError,
@@ -35,11 +34,12 @@ from grosmc_mj.errors import (
     SetupError,
     UndefinedLawError,
 )
-from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.settings import Settings
-from grosmc_mj.machine import Stop
-from grosmc_mj.plants import SYSTEMS
+from grosmc_mj.mechanics.machine import Stop
 from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.control.switching import find_switching
+from grosmc_mj.theory.control.task import Realization
+from grosmc_mj.theory.plants import SYSTEMS
 
 pytestmark = pytest.mark.slow
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grosmc_mj.arrays import Array
 from grosmc_mj.environments.episode import Episode
+from grosmc_mj.ground.arrays import Array
 
 NOISY = """
 [plant]

@@ -16,15 +16,15 @@ from shipped import case_plant, find_case, nominal_controller
 
 from grosmc_mj.chapter.claims.claim import Finding, Verdict
 from grosmc_mj.chapter.claims.ledger import select_claims
-from grosmc_mj.control.controller import Controller
 from grosmc_mj.environments import judge_policy, law_policy, policy_controller
-from grosmc_mj.errors import ArgumentError, UndefinedLawError
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.requirements.optimum import compare_with_optimum
+from grosmc_mj.experiments.requirements.run_metrics import measure
 from grosmc_mj.experiments.settings import Settings
-from grosmc_mj.requirements.optimum import compare_with_optimum
-from grosmc_mj.requirements.run_metrics import measure
+from grosmc_mj.ground.errors import ArgumentError, UndefinedLawError
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
+from grosmc_mj.theory.control.controller import Controller
 
 pytestmark = pytest.mark.slow
 

@@ -15,7 +15,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import grosmc_mj as gm
-from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.catalogue import find_experiments
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file import schema, shipped
@@ -24,8 +23,9 @@ from grosmc_mj.experiments.file.reading import parse_case_file, read_case_file
 from grosmc_mj.experiments.file.text import complete_text
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.experiments.settings import Settings
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.units import _COMMON, _registry, number_in
+from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.ground.units import _COMMON, _registry, number_in
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 
 CASE = """
 extends = "common.toml"

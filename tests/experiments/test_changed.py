@@ -12,8 +12,8 @@ import pytest
 
 import grosmc_mj as gm
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.loop import Loop
-from grosmc_mj.physics.edits import BodyEdit, JointEdit
+from grosmc_mj.mechanics.physics.edits import BodyEdit, JointEdit
+from grosmc_mj.simulation.loop import Loop
 
 FILE = """
 [plant]

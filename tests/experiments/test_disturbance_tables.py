@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from case_texts import load, short_step
 
-from grosmc_mj.assumptions.notes import notes_on
+from grosmc_mj.experiments.assumptions.notes import notes_on
 from grosmc_mj.experiments.case_document import case_document
 from grosmc_mj.simulation.disturbances import (
     Constant,

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from case_texts import short_run, short_step
 
-from grosmc_mj.errors import GrosmcError
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.physics.edits import InputEdit
-from grosmc_mj.sweep.family import family_of
+from grosmc_mj.ground.errors import GrosmcError
+from grosmc_mj.mechanics.physics.edits import InputEdit
+from grosmc_mj.studies.sweep.family import family_of
 
 CART = short_run("cart_pendulum", '"pole angle" = "5 deg"', "0.1 s")
 

@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sympy.parsing.sympy_parser import parse_expr
 
-from grosmc_mj.control.references import TIME, reference
-from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.file.formula import FUNCTIONS, formula
+from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.theory.control.references import TIME, reference
 
 NAMES = {name: getattr(sp, name) for name in FUNCTIONS} | {"t": TIME, "pi": sp.pi}
 

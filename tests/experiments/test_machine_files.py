@@ -14,9 +14,17 @@ from case_texts import LUGRE, MOTOR, PARTS_OF, PLAY, load, written
 
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.reading import read_case_file
-from grosmc_mj.machine import DriveFriction, LuGre, Motor, Stop, SwingingLoad, Transmission, Wall
-from grosmc_mj.physics.edits import BodyEdit, InputEdit, JointEdit
-from grosmc_mj.robots.dynamics import bias
+from grosmc_mj.mechanics.machine import (
+    DriveFriction,
+    LuGre,
+    Motor,
+    Stop,
+    SwingingLoad,
+    Transmission,
+    Wall,
+)
+from grosmc_mj.mechanics.physics.edits import BodyEdit, InputEdit, JointEdit
+from grosmc_mj.mechanics.robots.dynamics import bias
 
 DEGREE = math.pi / 180
 

@@ -13,7 +13,6 @@ from commands import Screen, assert_one_line, run
 
 import grosmc_mj as gm
 from grosmc_mj import cli
-from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.file.schema import MeasuredTable
 from grosmc_mj.experiments.measured import (
@@ -22,8 +21,9 @@ from grosmc_mj.experiments.measured import (
     measured_results,
     results_of_logs,
 )
-from grosmc_mj.requirements import KINDS
-from grosmc_mj.requirements.judging import Judgement
+from grosmc_mj.experiments.requirements import KINDS
+from grosmc_mj.experiments.requirements.judging import Judgement
+from grosmc_mj.ground.errors import ArgumentError
 
 BEGINNING = STEP.split("[[requirement]]")[0]
 # All kinds that a law without a surface can be asked for.

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from commands import Screen, assert_one_line, run
 
-from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.ground.errors import ArgumentError
 
 CASE = """
 [plant]

@@ -12,20 +12,25 @@ import pytest
 from shipped import find_case, run_case
 
 from grosmc_mj.chapter import expected_results as expected
-from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.experiments.experiment import RunResult
+from grosmc_mj.experiments.requirements import KINDS
+from grosmc_mj.experiments.requirements.judging import judge_run
+from grosmc_mj.experiments.requirements.metrics import Metric
+from grosmc_mj.experiments.requirements.optimum import Comparison, compare_with_optimum
+from grosmc_mj.experiments.requirements.requirement import Requirement
+from grosmc_mj.experiments.requirements.run_metrics import (
+    cost_shares,
+    measure,
+    overshoot,
+    settling_time,
+)
 from grosmc_mj.experiments.settings import Settings
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.plants import SERVO
-from grosmc_mj.requirements import KINDS
-from grosmc_mj.requirements.judging import judge_run
-from grosmc_mj.requirements.metrics import Metric
-from grosmc_mj.requirements.optimum import Comparison, compare_with_optimum
-from grosmc_mj.requirements.requirement import Requirement
-from grosmc_mj.requirements.run_metrics import cost_shares, measure, overshoot, settling_time
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import Disturbance, InputDisturbance, Pulse
 from grosmc_mj.simulation.trajectory import Status, Trajectory
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.plants import SERVO
 
 H = 1e-3
 TIME = np.arange(10_001) * H

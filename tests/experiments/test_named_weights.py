@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.schema import CaseFile
 from grosmc_mj.experiments.file.user_code import named_in
+from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.theory.control.controller import Controller
 
 # Two joints, whose motors have other names, in another order of the alphabet.
 TWO_JOINTS = """<mujoco model="two joints"><option timestep="0.001"/>

@@ -14,16 +14,16 @@ import pytest
 from campaign_cases import run
 from case_texts import MAGLEV, OWN, STEP, load, written
 
-from grosmc_mj.errors import ImplausibleWarning
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.shipped import shipped_files
-from grosmc_mj.physics.edits import AddedMass
-from grosmc_mj.requirements.requirement import Requirement
-from grosmc_mj.sweep.runs import Row, run_rows
+from grosmc_mj.experiments.requirements.requirement import Requirement
+from grosmc_mj.ground.errors import ImplausibleWarning
+from grosmc_mj.mechanics.physics.edits import AddedMass
+from grosmc_mj.studies.sweep.runs import Row, run_rows
 
 LEVITATED = """
 [plant]
-plant = "grosmc_mj.cases.maglev.maglev:plant"
+plant = "grosmc_mj.experiments.cases.maglev.maglev:plant"
 at = { gap = "10 mm" }
 [run]
 duration = "0.01 s"
@@ -35,7 +35,7 @@ law = "fl-lqr"
 """
 LEVITATED_BY_USERS_LAW = """
 [plant]
-plant = "grosmc_mj.cases.maglev.maglev:plant"
+plant = "grosmc_mj.experiments.cases.maglev.maglev:plant"
 at = { gap = "10 mm" }
 [run]
 start = { gap = "11 mm" }
@@ -53,9 +53,9 @@ def held(t, x, memory, p):
 """
 APPROXIMATED = """
 [plant]
-plant = "grosmc_mj.cases.ball_beam.ball_beam:plant"
+plant = "grosmc_mj.experiments.cases.ball_beam.ball_beam:plant"
 [design]
-plant = "grosmc_mj.cases.ball_beam.ball_beam:approximation"
+plant = "grosmc_mj.experiments.cases.ball_beam.ball_beam:approximation"
 [run]
 duration = "0.01 s"
 [task]

@@ -26,9 +26,9 @@ from case_texts import (
 )
 
 from grosmc_mj import cli
-from grosmc_mj.assumptions.notes import notes_on
-from grosmc_mj.errors import MISTAKE_SEPARATOR, ArgumentError, GrosmcError
+from grosmc_mj.experiments.assumptions.notes import notes_on
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.ground.errors import MISTAKE_SEPARATOR, ArgumentError, GrosmcError
 
 # Numbers that are finite, and whose products are not.
 TOO_LARGE = [
@@ -137,7 +137,7 @@ OWNS = [
 ]
 BEAM_WITHOUT_POINT = """
 [plant]
-plant = "grosmc_mj.cases.ball_beam.ball_beam:plant"
+plant = "grosmc_mj.experiments.cases.ball_beam.ball_beam:plant"
 [run]
 duration = "0.01 s"
 [task]
@@ -166,20 +166,20 @@ OPERATING_POINTS = [
     (
         BEAM,
         "[run]",
-        '[design]\nplant = "grosmc_mj.cases.ball_beam.ball_beam:nothing"\n[run]',
+        '[design]\nplant = "grosmc_mj.experiments.cases.ball_beam.ball_beam:nothing"\n[run]',
         "unknown name in",
     ),
     (
         BEAM,
         "[run]",
-        '[design]\nplant = "grosmc_mj.cases.maglev.maglev:plant"\n[run]',
+        '[design]\nplant = "grosmc_mj.experiments.cases.maglev.maglev:plant"\n[run]',
         "has the states",
     ),
     (FURUTA, "R = 100", 'R = 1\nreference = ["1", "2"]', "are held at the operating point"),
     (
         FURUTA,
         "[run]",
-        '[design]\nplant = "grosmc_mj.cases.ball_beam.ball_beam:plant"\n[run]',
+        '[design]\nplant = "grosmc_mj.experiments.cases.ball_beam.ball_beam:plant"\n[run]',
         "from MuJoCo's own dynamics",
     ),
     (FURUTA, "furuta.xml", "nowhere:furuta.xml", "nowhere, which is not installed; run: pip inst"),

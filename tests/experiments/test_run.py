@@ -13,12 +13,12 @@ from case_texts import LEG, OWN, OWN_NATIVE, PYTHON, load, written
 from shipped import find_case, nominal_controller, run_case
 
 from grosmc_mj import cli
-from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.shipped import find_file
 from grosmc_mj.experiments.file.text import complete_text
 from grosmc_mj.experiments.settings import Settings
+from grosmc_mj.ground.errors import ArgumentError
 
 ARM = find_file("arm/case1")
 # A user's own law, judged by a limit that follows.

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from case_texts import STEP, load
 
-from grosmc_mj.experiments.document import experiment_result
+from grosmc_mj.experiments.answer.document import experiment_result
 from grosmc_mj.experiments.experiment import Experiment, RunResult
-from grosmc_mj.requirements.judging import Judgement, judge_run, judge_runs
-from grosmc_mj.requirements.requirement import Requirement
-from grosmc_mj.requirements.transient import SettlesWithin
-from grosmc_mj.results.document import json_text
-from grosmc_mj.results.result import Result, Value
+from grosmc_mj.experiments.requirements.judging import Judgement, judge_run, judge_runs
+from grosmc_mj.experiments.requirements.requirement import Requirement
+from grosmc_mj.experiments.requirements.transient import SettlesWithin
+from grosmc_mj.output.results.document import json_text
+from grosmc_mj.output.results.result import Result, Value
 
 ALL = """
 settles_within = "4 s"

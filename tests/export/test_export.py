@@ -14,16 +14,16 @@ import numpy as np
 import pytest
 
 import grosmc_mj
-from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller, custom_controller
-from grosmc_mj.control.switching import SWITCHINGS
-from grosmc_mj.errors import SetupError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.export.compiler import FLAGS, CompiledLaw, compile_law, find_compiler, write_law
 from grosmc_mj.export.law import UNDEFINED_INPUT, UNDEFINED_LAW, LawInC
 from grosmc_mj.export.proof import prove
 from grosmc_mj.export.syntax import ExportError
-from grosmc_mj.records import pack
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.compilation.records import pack
+from grosmc_mj.ground.errors import SetupError
+from grosmc_mj.theory.control.controller import Controller, custom_controller
+from grosmc_mj.theory.control.switching import SWITCHINGS
 
 SAMPLES = 200
 COMPILER = find_compiler()

@@ -12,10 +12,10 @@ import pytest
 from test_export import COMPILER, compiled, law_of, needs_compiler
 from test_export_loop import law_in
 
-from grosmc_mj.arrays import Array
 from grosmc_mj.export.compiler import FLAGS
 from grosmc_mj.export.fmu import write_fmu
 from grosmc_mj.export.law import LawInC
+from grosmc_mj.ground.arrays import Array
 
 fmpy: Any = pytest.importorskip("fmpy")
 SAMPLES = 50

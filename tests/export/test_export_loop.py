@@ -11,7 +11,7 @@ from test_export import COMPILER, IN_LOOP, compiled, needs_compiler, run_sanitiz
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.export.law import LawInC
 from grosmc_mj.export.proof import prove
-from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor
+from grosmc_mj.simulation.loop import Actuator, Computing, Estimator, Loop, Sensor
 
 ANGLE = Sensor(of="rotor angle", resolution=1.534e-3)
 SLOW = Sensor(of="rotor angle", resolution=1.534e-3, period=3e-3)

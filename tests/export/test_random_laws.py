@@ -12,11 +12,11 @@ import pytest
 from random_laws import RandomLaw
 from test_export import COMPILER, needs_compiler, of_ones_own
 
-from grosmc_mj.arrays import Array
 from grosmc_mj.export.compiler import compile_law, write_law
 from grosmc_mj.export.law import LawInC
 from grosmc_mj.export.syntax import ExportError
-from grosmc_mj.records import pack
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.compilation.records import pack
 
 SEEDS = range(40)
 # Laws that a warning of numpy, or an operation that it lacks for truth values, ends at their start.

@@ -16,7 +16,7 @@ import pytest
 from commands import run
 
 from grosmc_mj import cli
-from grosmc_mj.errors import MISTAKE_SEPARATOR
+from grosmc_mj.ground.errors import MISTAKE_SEPARATOR
 
 _PROGRESS = re.compile(r"^\d+ of \d+ in [^\n]*\n", re.M)
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")

@@ -14,10 +14,11 @@ import pytest
 import sympy as sp
 
 import grosmc_mj as gm
-from grosmc_mj import cases
-from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.experiments import cases
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.logs.log import Log
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.identify.case_file import write_case
 from grosmc_mj.identify.compare import comparison_result, prediction_errors
 from grosmc_mj.identify.fit import Fit, fit
@@ -26,12 +27,11 @@ from grosmc_mj.identify.parameters import parameters_of
 from grosmc_mj.identify.pushes import unexplained_moments
 from grosmc_mj.identify.quality import quality
 from grosmc_mj.identify.replay import Predictor
-from grosmc_mj.logs.log import Log
-from grosmc_mj.loop import Loop, Sensor
-from grosmc_mj.machine import LuGre
-from grosmc_mj.physics.edits import AddedMass
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.mechanics.machine import LuGre
+from grosmc_mj.mechanics.physics.edits import AddedMass
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse, SineFrom
+from grosmc_mj.simulation.loop import Loop, Sensor
 
 SERVO = MujocoPlant.load("servo")
 TIMESTEP = 1e-3

@@ -26,10 +26,13 @@ import grosmc_mj as gm
 from benchmarks import coverage
 from benchmarks import logs as logs_made
 from grosmc_mj import cli
-from grosmc_mj.arrays import Array
-from grosmc_mj.errors import ArgumentError, ImplausibleWarning
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.reading import parse_case_file
+from grosmc_mj.experiments.logs.log import Log, held, join_logs
+from grosmc_mj.experiments.logs.read import read_log
+from grosmc_mj.experiments.logs.table import LogTable
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import ArgumentError, ImplausibleWarning
 from grosmc_mj.identify.case_file import write_case
 from grosmc_mj.identify.compare import PredictionError, best_model, prediction_errors
 from grosmc_mj.identify.fit import Fit, fit, slip
@@ -41,18 +44,15 @@ from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.identify.report import _values_row
 from grosmc_mj.identify.residual import rescaled, residual_of
 from grosmc_mj.identify.slips import likely_slip, unexplained_share
-from grosmc_mj.logs.log import Log, held, join_logs
-from grosmc_mj.logs.read import read_log
-from grosmc_mj.logs.table import LogTable
-from grosmc_mj.loop import Computing, Loop, Sensor
-from grosmc_mj.plants import find_system
-from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.specification import specification_of
+from grosmc_mj.simulation.loop import Computing, Loop, Sensor
+from grosmc_mj.studies.campaign.campaign import Campaign
+from grosmc_mj.studies.campaign.specification import specification_of
+from grosmc_mj.theory.plants import find_system
 
 SERVO = find_system("servo")
 HOW: dict[str, Any] = {"horizon": 1.0, "timestep": 1e-3}
 HEADER = "time [s],current [A],rotor angle [rad]"
-ARM_LOG = Path(gm.__file__).parent / "cases/logs/arm.csv"
+ARM_LOG = Path(gm.__file__).parent / "experiments/cases/logs/arm.csv"
 
 
 # A machine of the coverage benchmark is integrated in steps of 50 us.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from grosmc_mj.arrays import Array
+from grosmc_mj.ground.arrays import Array
 from grosmc_mj.identify.intervals import covariance, half_widths, is_white
 
 SAMPLES = 2000

@@ -19,7 +19,7 @@ from grosmc_mj import cli
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.schema import MeasuredTable
 from grosmc_mj.experiments.measured import MeasuredResult, results_of_logs
-from grosmc_mj.requirements.optimum import compare_with_optimum
+from grosmc_mj.experiments.requirements.optimum import compare_with_optimum
 
 MEASURED = Path(__file__).parents[2] / "measured"
 CASES = Path(__file__).with_name("log_cases")

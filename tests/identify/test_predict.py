@@ -9,19 +9,19 @@ import numba
 import numpy as np
 import pytest
 
-from grosmc_mj.comparison.comparison import compare
-from grosmc_mj.errors import ArgumentError, SetupError
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.logs.log import Log
 from grosmc_mj.experiments.measured import run_of_log
+from grosmc_mj.experiments.requirements.accumulator import _noting_rows
+from grosmc_mj.ground.errors import ArgumentError, SetupError
 from grosmc_mj.identify.law_on_log import LawOnLog, law_on_log
 from grosmc_mj.identify.leave_out import FITTED_MASSES, without_each
 from grosmc_mj.identify.predict import Prediction, Question, deciding, predict, question_of
 from grosmc_mj.identify.predict_report import _deciding_words, prediction_result
-from grosmc_mj.logs.log import Log
-from grosmc_mj.loop import Loop
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.requirements.accumulator import _noting_rows
-from grosmc_mj.results.document import json_text
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.output.results.document import json_text
+from grosmc_mj.simulation.loop import Loop
+from grosmc_mj.studies.comparison.comparison import compare
 
 CASE = """
 title = "A servo that turns by 1 rad"

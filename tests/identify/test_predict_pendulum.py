@@ -14,9 +14,9 @@ from commands import Screen, run
 
 from grosmc_mj import cli
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.logs.read import read_log
 from grosmc_mj.identify.leave_out import FITTED_MASSES, without_each
 from grosmc_mj.identify.predict import Prediction, Question, predict, question_of
-from grosmc_mj.logs.read import read_log
 
 PENDULUM = Path(__file__).parents[2] / "measured" / "pendulum"
 LAW = "energy_lqr"

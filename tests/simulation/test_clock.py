@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 from conftest import held
 
-from grosmc_mj.errors import ModelError
-from grosmc_mj.physics.hooks import clock_suspended
-from grosmc_mj.physics.mjdata import mujoco_library
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.robots.robot import Robot
+from grosmc_mj.ground.errors import ModelError
+from grosmc_mj.mechanics.physics.hooks import clock_suspended
+from grosmc_mj.mechanics.physics.mjdata import mujoco_library
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.mechanics.robots.robot import Robot
 from grosmc_mj.simulation.simulate import simulate
 
 PLANT = MujocoPlant.load("servo")
@@ -184,7 +184,7 @@ def test_another_thread_may_step_a_model_while_the_clock_changes() -> None:
     """A pointer that MuJoCo loaded twice for one call would end the process within a second."""
     program = """
 import threading, mujoco
-from grosmc_mj.physics.hooks import clock_suspended
+from grosmc_mj.mechanics.physics.hooks import clock_suspended
 model = mujoco.MjModel.from_xml_string(
     "<mujoco><worldbody><body><joint/><geom size='1'/></body></worldbody></mujoco>"
 )

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from shipped import find_case
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
 from grosmc_mj.experiments.catalogue import chapter_controller
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
+from grosmc_mj.theory.control.controller import Controller
 
 pytestmark = pytest.mark.slow
 

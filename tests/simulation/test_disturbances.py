@@ -16,12 +16,10 @@ import sympy as sp
 from conftest import held
 
 import grosmc_mj as gm
-from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.catalogue import chapter_controller
-from grosmc_mj.jitable import jitable
-from grosmc_mj.loop import Actuator, Estimator, Loop, Sensor
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.plants import Plant
+from grosmc_mj.ground.compilation.jitable import jitable
+from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import (
     AnyDisturbance,
     Constant,
@@ -37,7 +35,9 @@ from grosmc_mj.simulation.disturbances import (
     packed,
     widths,
 )
+from grosmc_mj.simulation.loop import Actuator, Estimator, Loop, Sensor
 from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.theory.plants import Plant
 
 PUSH = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
 

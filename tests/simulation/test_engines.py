@@ -19,21 +19,29 @@ from looped import Noticed, seen
 from mjcf import COMPLIANT, DELAY, LAG, ONE, SECOND, TREE, TWO
 from shipped import find_case
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import linearized_lqr, tracking_grosmc
-from grosmc_mj.control.references import FourierSeries, fourier_series
-from grosmc_mj.errors import ModelError
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.loop import Actuator, AppliedLoop, Computing, Estimator, Loop, Sensor, apply_loop
-from grosmc_mj.physics.edits import AddedMass, BodyEdit
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.plants import Plant
-from grosmc_mj.robots.robot import Robot
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import ModelError
+from grosmc_mj.mechanics.physics.edits import AddedMass, BodyEdit
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.mechanics.robots.robot import Robot
 from grosmc_mj.simulation import native_engine
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse, SineFrom
+from grosmc_mj.simulation.loop import (
+    Actuator,
+    AppliedLoop,
+    Computing,
+    Estimator,
+    Loop,
+    Sensor,
+    apply_loop,
+)
 from grosmc_mj.simulation.simulate import Engine, simulate
 from grosmc_mj.simulation.trajectory import Trajectory
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.control.design import linearized_lqr, tracking_grosmc
+from grosmc_mj.theory.control.references import FourierSeries, fourier_series
+from grosmc_mj.theory.plants import Plant
 
 FIELDS = (
     "state",

@@ -10,8 +10,8 @@ from commands import Patch, Screen, run
 import grosmc_mj as gm
 from grosmc_mj import cli
 from grosmc_mj.cli.commands import run as run_command
-from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.simulation import memory
 from grosmc_mj.simulation.memory import machine_memory
 

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 import grosmc_mj as gm
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.errors import ArgumentError, UndefinedLawError
-from grosmc_mj.loop import Loop
+from grosmc_mj.ground.errors import ArgumentError, UndefinedLawError
+from grosmc_mj.simulation.loop import Loop
 from grosmc_mj.simulation.simulate import Engine
-from grosmc_mj.studies.region_runs import guarded
+from grosmc_mj.studies.region.runs import guarded
+from grosmc_mj.theory.control.controller import Controller
 
 ENGINES: Any = ("native", "python")
 each_engine = pytest.mark.parametrize("engine", ENGINES)

@@ -11,22 +11,22 @@ import mujoco
 import numpy as np
 import pytest
 
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.memory import Memory
-from grosmc_mj.errors import (
+from grosmc_mj.experiments.catalogue import chapter_controller
+from grosmc_mj.ground.errors import (
     ArgumentError,
     DivergenceError,
     ModelError,
     SetupError,
     UndefinedLawError,
 )
-from grosmc_mj.experiments.catalogue import chapter_controller
-from grosmc_mj.physics.files import load_spec
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.plants import AnalyticPlant
+from grosmc_mj.mechanics.physics.files import load_spec
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import Disturbance, Pulse
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.control.memory import Memory
+from grosmc_mj.theory.plants import AnalyticPlant
 
 ENGINES: Any = ("native", "python")
 each_engine = pytest.mark.parametrize("engine", ENGINES)

@@ -18,8 +18,8 @@ from campaign_cases import run
 from numpy.typing import NDArray
 
 import grosmc_mj as gm
-from grosmc_mj.errors import ArgumentError, UndefinedLawError
 from grosmc_mj.experiments.experiment import Experiment, RunResult
+from grosmc_mj.ground.errors import ArgumentError, UndefinedLawError
 
 
 @cache

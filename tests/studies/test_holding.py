@@ -12,28 +12,28 @@ import numpy as np
 import pytest
 from shipped import nominal_controller
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.cases.cart_pendulum import cart as holding
-from grosmc_mj.cases.cart_pendulum.cart import (
+from grosmc_mj.chapter.claims.measurements import cart
+from grosmc_mj.experiments.cases.cart_pendulum import cart as holding
+from grosmc_mj.experiments.cases.cart_pendulum.cart import (
     LEAN,
     force_needed,
     holding_ism,
     holding_lqr,
     holding_pfl,
 )
-from grosmc_mj.chapter.claims.measurements import cart
-from grosmc_mj.control.reaching import sliding_dynamics
-from grosmc_mj.control.switching import find_switching
-from grosmc_mj.control.task import Realization
-from grosmc_mj.control.uncertainty.states import StateUncertainty
-from grosmc_mj.errors import GainError
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.settings import Settings
-from grosmc_mj.physics.edits import BodyEdit
-from grosmc_mj.physics.linearization import linearize
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.plants import AnalyticPlant
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import GainError
+from grosmc_mj.mechanics.physics.edits import BodyEdit
+from grosmc_mj.mechanics.physics.linearization import linearize
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.theory.control.reaching import sliding_dynamics
+from grosmc_mj.theory.control.switching import find_switching
+from grosmc_mj.theory.control.task import Realization
+from grosmc_mj.theory.control.uncertainty.states import StateUncertainty
+from grosmc_mj.theory.plants import AnalyticPlant
 
 SYSTEM = "cart_pendulum"
 PHYSICS = MujocoPlant.load(SYSTEM)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from grosmc_mj.chapter.claims.claim import Claim
-from grosmc_mj.errors import ArgumentError
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.ground.errors import ArgumentError
 
 
 def cited_claims(experiment: Experiment) -> dict[str, Claim]:

@@ -12,9 +12,9 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
-from grosmc_mj.errors import GrosmcError, value_text
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
+from grosmc_mj.ground.errors import GrosmcError, value_text
 
 _CHECKED = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
 # Limits that stand for words of the statements, with the reason; a word has one limit everywhere.

@@ -19,10 +19,10 @@ from grosmc_mj.chapter.claims.claim import (
     PlantFinding,
     Verdict,
 )
-from grosmc_mj.errors import GrosmcError
-from grosmc_mj.executors import Executor, Notice
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
+from grosmc_mj.ground.errors import GrosmcError
+from grosmc_mj.ground.executors import Executor, Notice
 
 # Relative difference up to which physics counts as equal to the equations. Rounding leaves a
 # thousandth of it after a run of 20 s.

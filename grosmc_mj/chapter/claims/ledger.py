@@ -12,11 +12,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
-from grosmc_mj.arguments import require_known
 from grosmc_mj.chapter.claims.claim import WORDS, Choice, Claim, Kind, Measured, NoValueError
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.plants import SYSTEMS
+from grosmc_mj.ground.arguments import require_known
+from grosmc_mj.theory.plants import SYSTEMS
 
 
 @dataclass(frozen=True)

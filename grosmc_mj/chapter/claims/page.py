@@ -20,8 +20,8 @@ from grosmc_mj.chapter.claims.story import (
 )
 from grosmc_mj.chapter.claims.sweep import stored_sweeps
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.files import atomic_write
-from grosmc_mj.results.tables import Table, table, words
+from grosmc_mj.ground.files import atomic_write
+from grosmc_mj.output.results.tables import Table, table, words
 
 _HOME = Path(__file__)
 

@@ -10,8 +10,8 @@ from typing import Any
 from grosmc_mj.chapter.claims.claim import Finding, Kind, verdicts_of
 from grosmc_mj.chapter.claims.story import claim_tables, claims_tables, turning_table
 from grosmc_mj.experiments.settings import Settings
-from grosmc_mj.results.document import plain
-from grosmc_mj.results.result import (
+from grosmc_mj.output.results.document import plain
+from grosmc_mj.output.results.result import (
     KEPT,
     MEASURED,
     NOT_KEPT,

@@ -18,8 +18,8 @@ from grosmc_mj.chapter.claims.claim import (
 )
 from grosmc_mj.chapter.claims.sweep import stored_flips
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.results.formulas import in_text
-from grosmc_mj.results.tables import Column, Table, numbers, table, text, verdicts, words
+from grosmc_mj.output.results.formulas import in_text
+from grosmc_mj.output.results.tables import Column, Table, numbers, table, text, verdicts, words
 
 LEGEND = (
     "* turns within 50 % of its threshold or with a choice that is not printed. In brackets: the "

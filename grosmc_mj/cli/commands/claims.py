@@ -13,8 +13,8 @@ from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import OUTPUT, Command, Flag, Out, command
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.targets import CASES
-from grosmc_mj.errors import ArgumentError
-from grosmc_mj.files import require_writable
+from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.ground.files import require_writable
 
 if TYPE_CHECKING:
     from grosmc_mj.chapter.claims.claim import Claim, Finding
@@ -148,8 +148,8 @@ class PremisesCommand(Command):
 
     def execute(self) -> int:
         """Check the premises, write the result and print what fails."""
-        from grosmc_mj.assumptions.robot import audit_of
         from grosmc_mj.chapter.premises import premises_result
+        from grosmc_mj.experiments.assumptions.robot import audit_of
         from grosmc_mj.experiments.catalogue import find_experiments
 
         lab = _run_cache()
@@ -187,7 +187,7 @@ def judge_in_processes(
 ) -> list[Finding]:
     """Judge claims on all cores."""
     from grosmc_mj.chapter.claims.judging import judge_claims
-    from grosmc_mj.executors import executor_for
+    from grosmc_mj.ground.executors import executor_for
 
     # The runs of one claim are drawn afterwards: its executor makes them in this process.
     return judge_claims(lab, claims, executor_for(len(claims)), advance, screen.notice)

@@ -42,7 +42,7 @@ class DiffCommand(Command):
 
     def execute(self) -> int:
         """Compare the results, write and print the comparison."""
-        from grosmc_mj.comparison.comparison import compare, comparison_result
+        from grosmc_mj.studies.comparison.comparison import compare, comparison_result
 
         comparison = compare(self.old, self.new)
         screen.say_result(comparison_result(comparison), self.out / "diff.json", full=self.verbose)

@@ -13,8 +13,8 @@ from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Flag, Out, Target, WholeNumber, command
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.targets import result_name, shown_experiment
-from grosmc_mj.errors import ArgumentError, placed
-from grosmc_mj.files import name_in_files, require_writable
+from grosmc_mj.ground.errors import ArgumentError, placed
+from grosmc_mj.ground.files import name_in_files, require_writable
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment

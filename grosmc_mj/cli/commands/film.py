@@ -24,13 +24,13 @@ from grosmc_mj.cli.command import (
 from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.films import FOLDER, write_with_progress
 from grosmc_mj.cli.targets import result_name, shown_experiment
-from grosmc_mj.errors import ArgumentError, name_list
-from grosmc_mj.files import require_writable
+from grosmc_mj.ground.errors import ArgumentError, name_list
+from grosmc_mj.ground.files import require_writable
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
     from grosmc_mj.experiments.plants import PlantName
-    from grosmc_mj.films.film import Format
+    from grosmc_mj.output.films.film import Format
 
 # Laws that are filmed if none are named.
 _LAWS = ("lqr", "grosmc")
@@ -135,7 +135,7 @@ class FilmCommand(Command):
         Raises:
             ArgumentError: If the size, or another number, does not fit.
         """
-        from grosmc_mj.films.film import Format
+        from grosmc_mj.output.films.film import Format
 
         size = re.fullmatch(r"(\d+)[x×](\d+)", self.size.strip().lower())
         if size is None:
@@ -152,7 +152,7 @@ class FilmCommand(Command):
 
     def _law_names(self, experiment: Experiment) -> tuple[str, ...]:
         """Return the laws to film, each once."""
-        from grosmc_mj.films.film import MOST_TAKES
+        from grosmc_mj.output.films.film import MOST_TAKES
 
         if self.laws is not None:
             return tuple(dict.fromkeys(self.laws))
@@ -168,9 +168,9 @@ def _require_filmable(experiment: Experiment, controllers: Sequence[str], form: 
         ArgumentError: If there are no controllers, too many or unknown ones, or the format does not
             fit the case.
     """
-    from grosmc_mj.films.film import MOST_TAKES
-    from grosmc_mj.films.scene import camera_names
-    from grosmc_mj.physics.mujoco_plant import MujocoPlant
+    from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
+    from grosmc_mj.output.films.film import MOST_TAKES
+    from grosmc_mj.output.films.scene import camera_names
 
     if not 1 <= len(controllers) <= MOST_TAKES:
         raise ArgumentError(

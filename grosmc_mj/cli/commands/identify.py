@@ -14,14 +14,14 @@ from grosmc_mj.cli.command import OUTPUT, Command, Flag, Out, command
 from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.films import write_film_of_log
 from grosmc_mj.cli.targets import result_name
-from grosmc_mj.errors import ArgumentError, SetupError
-from grosmc_mj.files import require_writable
+from grosmc_mj.ground.errors import ArgumentError, SetupError
+from grosmc_mj.ground.files import require_writable
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
+    from grosmc_mj.experiments.logs.log import Log
     from grosmc_mj.identify.fit import Fit
     from grosmc_mj.identify.replay import Predictor
-    from grosmc_mj.logs.log import Log
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,8 @@ class _OfLog(Command):
     def _read(self) -> tuple[Experiment, Log]:
         """Return the experiment of the case, and all logs as one."""
         from grosmc_mj.experiments.catalogue import find_experiments
-        from grosmc_mj.logs.log import join_logs
-        from grosmc_mj.logs.read import read_log
+        from grosmc_mj.experiments.logs.log import join_logs
+        from grosmc_mj.experiments.logs.read import read_log
 
         if not 0 < self.horizon < float("inf"):
             raise ArgumentError(f"--horizon {self.horizon:g} must be above 0 s")
@@ -60,7 +60,7 @@ class _OfLog(Command):
 
     def _path(self, kind: str, experiment: Experiment) -> Path:
         """Return the path of a result."""
-        from grosmc_mj.logs.log import name_of_log
+        from grosmc_mj.experiments.logs.log import name_of_log
 
         return self.out / f"{kind}_{result_name(experiment.path)}_{name_of_log(self.log)}.json"
 

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from grosmc_mj.arrays import Array
-    from grosmc_mj.plants import Plant
-    from grosmc_mj.plants.system import Signal
+    from grosmc_mj.ground.arrays import Array
+    from grosmc_mj.theory.plants import Plant
+    from grosmc_mj.theory.plants.system import Signal
 
 # An axis of the world within rounding of a joint's frame.
 _ROUNDING = 1e-9
@@ -96,10 +96,10 @@ def _say_everything(console: Console) -> None:
 
 def _say_target(console: Console, target: str) -> None:
     """Print the cases, laws and plants of a target, and the names and numbers of its parts."""
-    from grosmc_mj.assumptions.growth import growth
+    from grosmc_mj.experiments.assumptions.growth import growth
     from grosmc_mj.experiments.catalogue import find_experiments
     from grosmc_mj.experiments.weights import gains_in_words, weights_in_words
-    from grosmc_mj.results.tables import names, table, text
+    from grosmc_mj.output.results.tables import names, table, text
 
     experiments = find_experiments(target)
     first = experiments[0]
@@ -142,8 +142,8 @@ def _with_units(signals: Sequence[Signal]) -> str:
 
 def _say_model(console: Console, plant: Plant, x0: Sequence[float]) -> None:
     """Print the bodies and joints of a model, those of the system with their units and axes."""
-    from grosmc_mj.physics.files import body_names, joint_names
-    from grosmc_mj.physics.wrenches import joint_axes
+    from grosmc_mj.mechanics.physics.files import body_names, joint_names
+    from grosmc_mj.mechanics.physics.wrenches import joint_axes
 
     system = plant.system
     axes = joint_axes(plant, x0)
@@ -191,7 +191,7 @@ def _numbers(plant: Plant) -> Iterator[tuple[str, str, Sequence[float], str]]:
 
 def _parameters(plant: Plant) -> Iterator[tuple[str, str, Sequence[float], str]]:
     """Yield the parameters of the equations that are numbers with a unit."""
-    from grosmc_mj.fields import range_of
+    from grosmc_mj.ground.fields import range_of
 
     parameters = plant.analytic().parameters
     for name, value in vars(parameters).items():

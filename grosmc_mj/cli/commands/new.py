@@ -15,7 +15,7 @@ from cyclopts import Parameter
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Flag, command
 from grosmc_mj.cli.exit_codes import DONE
-from grosmc_mj.errors import ArgumentError, unknown_name, value_text
+from grosmc_mj.ground.errors import ArgumentError, unknown_name, value_text
 
 _NAME = re.compile(r"[A-Za-z_]\w*")
 
@@ -38,7 +38,7 @@ class NewCommand(Command):
 
     def execute(self) -> int:
         """Write a case file to begin with."""
-        from grosmc_mj.files import atomic_write
+        from grosmc_mj.ground.files import atomic_write
 
         texts = self._texts()
         for file in texts:

@@ -14,8 +14,8 @@ from grosmc_mj.cli.command import OUTPUT, Command, Flag, Out, WholeNumber, comma
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.films import FOLDER, write_film_of_log
 from grosmc_mj.cli.targets import result_name
-from grosmc_mj.errors import ArgumentError
-from grosmc_mj.files import require_writable
+from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.ground.files import require_writable
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
@@ -98,8 +98,8 @@ class PredictCommand(Command):
         Raises:
             ArgumentError: If one of them is wrong.
         """
+        from grosmc_mj.experiments.logs.read import read_log
         from grosmc_mj.identify.predict import question_of
-        from grosmc_mj.logs.read import read_log
 
         system = experiment.nominal.system
         gears = experiment.nominal.gears
@@ -112,7 +112,7 @@ class PredictCommand(Command):
 
     def _path(self, experiment: Experiment, log: Path) -> Path:
         """Return the JSON file of the result of a log."""
-        from grosmc_mj.logs.log import name_of_log
+        from grosmc_mj.experiments.logs.log import name_of_log
 
         return self.out / f"predict_{result_name(experiment.path)}_{name_of_log(log)}.json"
 
@@ -120,7 +120,7 @@ class PredictCommand(Command):
         """Predict a log, write and print the result; return whether it lies within the spread."""
         from grosmc_mj.identify.film import film_beside_log, filmable
         from grosmc_mj.identify.predict_report import draw_prediction, prediction_result
-        from grosmc_mj.results.result import KEPT
+        from grosmc_mj.output.results.result import KEPT
 
         experiment = question.experiment
         film_of = None

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import OUTPUT, Command, command
 from grosmc_mj.cli.exit_codes import DONE
-from grosmc_mj.errors import ArgumentError, together
+from grosmc_mj.ground.errors import ArgumentError, together
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -73,8 +73,8 @@ def report_on(
     Raises:
         ArgumentError: If there are no results that can be read.
     """
-    from grosmc_mj.page.reading import read_results
-    from grosmc_mj.page.write import write_page
+    from grosmc_mj.output.page.reading import read_results
+    from grosmc_mj.output.page.write import write_page
 
     reading = read_results(paths)
     if not reading.documents:

@@ -24,13 +24,13 @@ from grosmc_mj.cli.command import (
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.films import FOLDER, film_runs
 from grosmc_mj.cli.targets import result_name
-from grosmc_mj.errors import ArgumentError, GrosmcError
-from grosmc_mj.files import name_in_files, require_writable
+from grosmc_mj.ground.errors import ArgumentError, GrosmcError
+from grosmc_mj.ground.files import name_in_files, require_writable
 
 if TYPE_CHECKING:
-    from grosmc_mj.assumptions.audit import Audit
+    from grosmc_mj.experiments.assumptions.audit import Audit
     from grosmc_mj.experiments.experiment import Experiment, RunResult
-    from grosmc_mj.results.result import Result
+    from grosmc_mj.output.results.result import Result
 
 # Timesteps from which on the memory of a run's record is counted before the run.
 _LONG = 1_000_000
@@ -82,7 +82,7 @@ class RunCommand(Command):
     def execute(self) -> int:
         """Run, judge, write, print and draw one experiment after the other."""
         from grosmc_mj.experiments.catalogue import find_experiments
-        from grosmc_mj.sweep.draws import require_draws
+        from grosmc_mj.studies.sweep.draws import require_draws
 
         require_draws(self.draws)
         experiments = find_experiments(self.target)
@@ -107,10 +107,10 @@ class RunCommand(Command):
             experiment: The experiment.
             alone: True if it is the only one of the command: its answer is longer.
         """
-        from grosmc_mj.assumptions.robot import audits
         from grosmc_mj.cli.commands.run_answer import answer_of_run
-        from grosmc_mj.logs.log import name_of_log
-        from grosmc_mj.sweep.draws import judged_over_draws
+        from grosmc_mj.experiments.assumptions.robot import audits
+        from grosmc_mj.experiments.logs.log import name_of_log
+        from grosmc_mj.studies.sweep.draws import judged_over_draws
 
         name = "_".join([result_name(experiment.path), *map(name_of_log, self.log)])
         measured = self._measured(experiment)
@@ -179,7 +179,7 @@ class RunCommand(Command):
         alone: bool,
     ) -> None:
         """Write and print the results of an experiment, also if they cannot be written."""
-        from grosmc_mj.results.document import set_aside_other
+        from grosmc_mj.output.results.document import set_aside_other
 
         aside = None
         try:
@@ -201,13 +201,13 @@ class RunCommand(Command):
 
     def _draw(self, answer: Result, results: Sequence[RunResult], path: Path) -> tuple[Path, ...]:
         """Write the curves and, of a complete answer, draw the figure; returns its path."""
-        from grosmc_mj.experiments.curves import draw_experiment, figure_size, write_curves
+        from grosmc_mj.experiments.answer.curves import draw_experiment, figure_size, write_curves
 
         write_curves(results, path.stem, path.parent)
         if not self.figures or not answer.complete:
             return ()
 
-        from grosmc_mj.results.figure import figure_written
+        from grosmc_mj.output.results.figure import figure_written
 
         figure_path = path.with_suffix(".png")
         with figure_written(figure_path, figure_size(results)) as figure:
@@ -243,7 +243,7 @@ def _check(experiment: Experiment) -> None:
 
     cited_claims(experiment)
     if experiment.file.uncertain:
-        from grosmc_mj.sweep.family import family_of
+        from grosmc_mj.studies.sweep.family import family_of
 
         try:
             family_of(experiment.file, experiment, experiment.nominal.plant)

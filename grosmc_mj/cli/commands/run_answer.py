@@ -5,19 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
-from grosmc_mj.assumptions.audit import Audit
-from grosmc_mj.assumptions.notes import notes_on
 from grosmc_mj.chapter.premises import audit_document, audit_table
-from grosmc_mj.experiments.document import experiment_result
+from grosmc_mj.experiments.answer.document import experiment_result
+from grosmc_mj.experiments.answer.tables import endings
+from grosmc_mj.experiments.assumptions.audit import Audit
+from grosmc_mj.experiments.assumptions.notes import notes_on
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, MACHINE_UNITS, unit_of
 from grosmc_mj.experiments.measured import MeasuredResult, disagreements
-from grosmc_mj.experiments.tables import endings
-from grosmc_mj.plants.system import Signal
-from grosmc_mj.requirements.judging import Judgement
-from grosmc_mj.requirements.requirement import Requirement
-from grosmc_mj.results.result import Result
-from grosmc_mj.studies.assumed import assumed_numbers, in_words
+from grosmc_mj.experiments.requirements.judging import Judgement
+from grosmc_mj.experiments.requirements.requirement import Requirement
+from grosmc_mj.output.results.result import Result
+from grosmc_mj.studies.ladder.assumed import assumed_numbers, in_words
+from grosmc_mj.theory.plants.system import Signal
 
 
 def answer_of_run(

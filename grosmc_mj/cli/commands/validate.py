@@ -17,7 +17,7 @@ from grosmc_mj.cli.commands.report import REPORT, report_on
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.films import film_results
 from grosmc_mj.cli.targets import recorded_experiments
-from grosmc_mj.files import require_writable
+from grosmc_mj.ground.files import require_writable
 
 if TYPE_CHECKING:
     from grosmc_mj.chapter.claims.claim import Claim
@@ -93,7 +93,7 @@ class ValidateCommand(Command):
 
     def _selected(self) -> list[Experiment]:
         """Return the experiments of the targets, each once."""
-        from grosmc_mj.plants import SYSTEMS
+        from grosmc_mj.theory.plants import SYSTEMS
 
         targets = self.targets or tuple(SYSTEMS)
         experiments: dict[Any, Experiment] = {}
@@ -118,7 +118,7 @@ class ValidateCommand(Command):
 
     def _write(self, done: Validation) -> None:
         """Write the results and the curves of each case, and print the answer."""
-        from grosmc_mj.experiments.curves import write_curves
+        from grosmc_mj.experiments.answer.curves import write_curves
 
         screen.say_result(done.result(), self._path, full=self.verbose)
         for key in dict.fromkeys(result.case.key for result in done.results):
@@ -159,7 +159,7 @@ def _compute(
     from grosmc_mj.chapter.agreement import agreements
     from grosmc_mj.experiments.run_cache import RunCache
     from grosmc_mj.experiments.settings import Settings
-    from grosmc_mj.physics.mujoco_plant import MujocoPlant
+    from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 
     for experiment in experiments:
         for result in experiment.runs():

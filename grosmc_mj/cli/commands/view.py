@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from grosmc_mj.cli.command import Command, OptionalName, OptionalSurface, Target, command
 from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.targets import shown_experiment
-from grosmc_mj.errors import SetupError
+from grosmc_mj.ground.errors import SetupError
 
 
 @command
@@ -43,7 +43,7 @@ class ViewCommand(Command):
 
     def execute(self) -> int:
         """Prepare the case and open the window."""
-        from grosmc_mj.viewer import play
+        from grosmc_mj.output.viewer import play
 
         experiment = shown_experiment(self.target).with_settings(
             switching=self.switching, surface=self.surface

@@ -14,9 +14,9 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from grosmc_mj.errors import ArgumentError, unknown_name, value_text
 from grosmc_mj.experiments.file.shipped import CASES, base_file, name_in_package, shipped_files
-from grosmc_mj.files import require_regular
+from grosmc_mj.ground.errors import ArgumentError, unknown_name, value_text
+from grosmc_mj.ground.files import require_regular
 
 Content = dict[str, Any]
 EXTENDS = "extends"

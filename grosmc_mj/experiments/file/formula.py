@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 
 import sympy as sp
 
-from grosmc_mj.errors import ArgumentError, value_text
-from grosmc_mj.units import LARGEST, number_in
+from grosmc_mj.ground.errors import ArgumentError, value_text
+from grosmc_mj.ground.units import LARGEST, number_in
 
 # Characters of a formula, its parts, and the depth of their nesting.
 _LONGEST = 1000

@@ -9,13 +9,13 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from grosmc_mj.arguments import reals, require_known
-from grosmc_mj.arrays import Array
-from grosmc_mj.control.rivals.pid_tuning import Tuning
-from grosmc_mj.control.uncertainty.outputs import Uncertainty
-from grosmc_mj.control.uncertainty.states import StateUncertainty
-from grosmc_mj.errors import ArgumentError, name_list, placed, value_text
-from grosmc_mj.units import is_number, number_in
+from grosmc_mj.ground.arguments import reals, require_known
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import ArgumentError, name_list, placed, value_text
+from grosmc_mj.ground.units import is_number, number_in
+from grosmc_mj.theory.control.rivals.pid_tuning import Tuning
+from grosmc_mj.theory.control.uncertainty.outputs import Uncertainty
+from grosmc_mj.theory.control.uncertainty.states import StateUncertainty
 
 # Numbers of laws that may be written as a text with a unit.
 _UNITS = {"frequency": "rad/s", "bandwidth": "rad/s", "filter": "s", "tracking_time": "s"}

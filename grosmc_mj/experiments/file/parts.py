@@ -14,16 +14,16 @@ from typing import Annotated, Any, Literal, get_type_hints
 
 import pydantic
 
-from grosmc_mj.arguments import require_known
-from grosmc_mj.errors import ArgumentError, Mistakes
-from grosmc_mj.fields import range_of
-from grosmc_mj.loop import Actuator, Computing, Estimator, Loop, Sensor
-from grosmc_mj.loop.loop import LARGEST_SEED
-from grosmc_mj.loop.rows import numbers_of as names_of_numbers
-from grosmc_mj.machine import PARTS, MachinePart
-from grosmc_mj.physics.edit import Edit
-from grosmc_mj.plants import System
-from grosmc_mj.units import Metres, Table, Three, numbers_of
+from grosmc_mj.ground.arguments import require_known
+from grosmc_mj.ground.errors import ArgumentError, Mistakes
+from grosmc_mj.ground.fields import range_of
+from grosmc_mj.ground.units import Metres, Table, Three, numbers_of
+from grosmc_mj.mechanics.machine import PARTS, MachinePart
+from grosmc_mj.mechanics.physics.edit import Edit
+from grosmc_mj.simulation.loop import Actuator, Computing, Estimator, Loop, Sensor
+from grosmc_mj.simulation.loop.loop import LARGEST_SEED
+from grosmc_mj.simulation.loop.rows import numbers_of as names_of_numbers
+from grosmc_mj.theory.plants import System
 
 
 def table_of(part: Edit | type[Edit]) -> str:

@@ -13,11 +13,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from grosmc_mj.arguments import require_known
-from grosmc_mj.errors import ArgumentError, name_list, unknown_name, value_text
 from grosmc_mj.experiments.file.content import Content
 from grosmc_mj.experiments.file.parts import MACHINE_PARTS
 from grosmc_mj.experiments.file.schema import EDITED, CaseFile
+from grosmc_mj.ground.arguments import require_known
+from grosmc_mj.ground.errors import ArgumentError, name_list, unknown_name, value_text
 
 # Keys that name a table among several of a kind.
 _NAMED_BY: Mapping[str, tuple[str, ...]] = {

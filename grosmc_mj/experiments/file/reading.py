@@ -8,10 +8,10 @@ from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from grosmc_mj.errors import ArgumentError, together
 from grosmc_mj.experiments.file.content import Content, content_of_text, read_content
 from grosmc_mj.experiments.file.schema import CaseFile, file_name
-from grosmc_mj.refusals import Place, line_of
+from grosmc_mj.ground.errors import ArgumentError, together
+from grosmc_mj.ground.refusals import Place, line_of
 
 
 def read_case_file(path: Path) -> CaseFile:

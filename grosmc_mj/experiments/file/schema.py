@@ -16,8 +16,6 @@ from pydantic import (
     model_validator,
 )
 
-from grosmc_mj.arguments import require_known
-from grosmc_mj.errors import unknown_name, value_text
 from grosmc_mj.experiments.file.content import Content
 from grosmc_mj.experiments.file.parts import (
     LOOP_PARTS,
@@ -26,10 +24,12 @@ from grosmc_mj.experiments.file.parts import (
     MACHINE_UNITS,
     TABLES,
 )
-from grosmc_mj.logs.table import LogTable
-from grosmc_mj.requirements import KINDS
-from grosmc_mj.requirements.requirement import Requirement
-from grosmc_mj.units import (
+from grosmc_mj.experiments.logs.table import LogTable
+from grosmc_mj.experiments.requirements import KINDS
+from grosmc_mj.experiments.requirements.requirement import Requirement
+from grosmc_mj.ground.arguments import require_known
+from grosmc_mj.ground.errors import unknown_name, value_text
+from grosmc_mj.ground.units import (
     KilogramMetresSquared,
     Kilograms,
     Metres,
@@ -309,7 +309,7 @@ _FORMER = {"cart_travel_below": 'state = "cart position", stays_within = "{}"'}
 class RequirementTable(_Limits):
     """``[[requirement]]``: limits that runs must keep, each in the unit of its quantity.
 
-    Its further keys are those of the kinds in ``grosmc_mj.requirements``.
+    Its further keys are those of the kinds in ``grosmc_mj.experiments.requirements``.
 
     Attributes:
         of: Controllers that must keep it; all by default.

@@ -8,11 +8,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from grosmc_mj.errors import ArgumentError, unknown_name
+from grosmc_mj.ground.errors import ArgumentError, unknown_name
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 # It has a folder for each system.
-CASES = _PACKAGE / "cases"
+CASES = _PACKAGE / "experiments" / "cases"
 # Name of the file that the cases of a system share.
 _BASE = "base.toml"
 # Name of the starter with a plant in Python.
@@ -37,7 +37,7 @@ def _files_in(folder: Path) -> Mapping[str, Path]:
 
 def campaign_files() -> dict[str, Path]:
     """Return the campaigns of the package by the names of their systems."""
-    files = sorted((_PACKAGE / "campaigns").glob("*.toml"))
+    files = sorted((_PACKAGE / "studies" / "campaign" / "shipped").glob("*.toml"))
     return {path.stem: path for path in files}
 
 

@@ -15,9 +15,9 @@ from importlib.util import resolve_name
 from pathlib import Path
 from typing import Any
 
-from grosmc_mj.errors import ArgumentError, unknown_name
 from grosmc_mj.experiments.file.schema import CaseFile
-from grosmc_mj.files import require_regular
+from grosmc_mj.ground.errors import ArgumentError, unknown_name
+from grosmc_mj.ground.files import require_regular
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 _NAMED = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")

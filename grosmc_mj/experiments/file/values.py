@@ -7,16 +7,14 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from grosmc_mj.arguments import require_known
-from grosmc_mj.errors import ArgumentError, Mistakes, placed
-from grosmc_mj.experiments.file.parts import (
-    in_model,
-)
+from grosmc_mj.experiments.file.parts import in_model
 from grosmc_mj.experiments.file.schema import CaseFile, DisturbanceTable, EditTable
 from grosmc_mj.experiments.file.user_code import is_named, load_named
-from grosmc_mj.physics.edit import Edit
-from grosmc_mj.physics.edits import AddedMass, BodyEdit, InputEdit, JointEdit
-from grosmc_mj.plants import System
+from grosmc_mj.ground.arguments import require_known
+from grosmc_mj.ground.errors import ArgumentError, Mistakes, placed
+from grosmc_mj.ground.units import number_in, numbers_of, si_number
+from grosmc_mj.mechanics.physics.edit import Edit
+from grosmc_mj.mechanics.physics.edits import AddedMass, BodyEdit, InputEdit, JointEdit
 from grosmc_mj.simulation.disturbances import (
     AnyDisturbance,
     Constant,
@@ -28,7 +26,7 @@ from grosmc_mj.simulation.disturbances import (
     SineFrom,
     Table,
 )
-from grosmc_mj.units import number_in, numbers_of, si_number
+from grosmc_mj.theory.plants import System
 
 
 def state_of(

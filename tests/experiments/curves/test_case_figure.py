@@ -12,8 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from grosmc_mj.errors import ArgumentError
-from grosmc_mj.experiments.curves import (
+from grosmc_mj.experiments.answer.curves import (
     curves_document,
     draw_experiment,
     figure_size,
@@ -23,9 +22,10 @@ from grosmc_mj.experiments.curves import (
     write_curves,
 )
 from grosmc_mj.experiments.experiment import Experiment, RunResult
-from grosmc_mj.requirements.magnitudes import StaysWithin
-from grosmc_mj.results.envelope import envelope
-from grosmc_mj.results.palette import FAILED
+from grosmc_mj.experiments.requirements.magnitudes import StaysWithin
+from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.output.results.envelope import envelope
+from grosmc_mj.output.results.palette import FAILED
 from grosmc_mj.simulation.trajectory import Status
 
 CART = short_run("cart_pendulum", '"pole angle" = "-10 deg"', "1 s")

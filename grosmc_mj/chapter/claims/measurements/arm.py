@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.assumptions.audit import audit
 from grosmc_mj.chapter.claims.claim import Measured, NoValueError
 from grosmc_mj.chapter.claims.measurements.measures import (
     Size,
@@ -19,12 +17,14 @@ from grosmc_mj.chapter.claims.measurements.measures import (
     size_of,
     worst_deviation,
 )
+from grosmc_mj.experiments.assumptions.audit import audit
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.requirements.run_metrics import settling_time
 from grosmc_mj.experiments.run_cache import RunCache, trial
-from grosmc_mj.physics.edits import BodyEdit
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.requirements.run_metrics import settling_time
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.mechanics.physics.edits import BodyEdit
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 
 _SYSTEM = "arm"
 # The chapter prints no variation: half to twice the payload, on 0.8 to 1.25 times the link.

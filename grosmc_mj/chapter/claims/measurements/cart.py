@@ -10,25 +10,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.cases.cart_pendulum.cart import holding_ism, holding_lqr
 from grosmc_mj.chapter.claims.claim import Measured, NoValueError
 from grosmc_mj.chapter.claims.measurements.measures import from_optimum, from_run, within
 from grosmc_mj.chapter.claims.measurements.theory import perturbed
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.design import realized
-from grosmc_mj.control.lqr import LqrDesign, lqr
-from grosmc_mj.control.reaching import mismatch, sliding_dynamics
-from grosmc_mj.control.task import Realization
+from grosmc_mj.experiments.cases.cart_pendulum.cart import holding_ism, holding_lqr
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.requirements.metrics import SETTLING_BAND
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.physics.edits import BodyEdit
-from grosmc_mj.physics.linearization import linearize
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.requirements.metrics import SETTLING_BAND
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.mechanics.physics.edits import BodyEdit
+from grosmc_mj.mechanics.physics.linearization import linearize
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.trajectory import Status
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.control.design import realized
+from grosmc_mj.theory.control.lqr import LqrDesign, lqr
+from grosmc_mj.theory.control.reaching import mismatch, sliding_dynamics
+from grosmc_mj.theory.control.task import Realization
 
 SYSTEM = "cart_pendulum"
 # Durations [s]: the cart takes longer than the pole; case 2 begins its disturbance at 9 s.

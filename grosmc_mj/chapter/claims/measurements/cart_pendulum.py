@@ -8,18 +8,14 @@ from functools import partial
 import numpy as np
 
 from grosmc_mj.chapter.claims.claim import Measured
-from grosmc_mj.chapter.claims.measurements.measures import (
-    equation_error,
-    from_optimum,
-    from_run,
-)
+from grosmc_mj.chapter.claims.measurements.measures import equation_error, from_optimum, from_run
 from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.requirements.run_metrics import settling_time
 from grosmc_mj.experiments.run_cache import RunCache, trial
-from grosmc_mj.physics.edits import BodyEdit
-from grosmc_mj.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.plants.cart_pendulum import CartPendulumParameters
-from grosmc_mj.requirements.run_metrics import settling_time
+from grosmc_mj.mechanics.physics.edits import BodyEdit
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.theory.plants.cart_pendulum import CartPendulumParameters
 
 _SYSTEM = "cart_pendulum"
 # Angles at the start that are tried [deg].

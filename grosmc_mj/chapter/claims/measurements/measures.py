@@ -13,15 +13,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.assumptions.audit import Premise, audit
-from grosmc_mj.assumptions.balance import balances_along
 from grosmc_mj.chapter.claims.claim import Measured, NeedsSlidingModeError, NoValueError
+from grosmc_mj.experiments.assumptions.audit import Premise, audit
+from grosmc_mj.experiments.assumptions.balance import balances_along
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.requirements.optimum import Comparison
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.requirements.optimum import Comparison
+from grosmc_mj.ground.arrays import Array
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 # Every so many samples of a run are evaluated: odd, to meet both sides of the chatter.

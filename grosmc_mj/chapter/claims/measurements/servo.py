@@ -8,19 +8,16 @@ from dataclasses import replace
 import numpy as np
 import scipy.linalg
 
-from grosmc_mj.arrays import Array
 from grosmc_mj.chapter.claims.claim import Measured
-from grosmc_mj.chapter.claims.measurements.measures import (
-    from_run,
-    sliding,
-)
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.control.lqr import lqr
+from grosmc_mj.chapter.claims.measurements.measures import from_run, sliding
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.requirements.run_metrics import overshoot
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.requirements.run_metrics import overshoot
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.control.coordinates.symbolic import ErrorCoordinates
+from grosmc_mj.theory.control.lqr import lqr
 
 _SYSTEM = "servo"
 _MEASURES = ("damping ratio", "phase margin", "slowest pole", "delay margin")

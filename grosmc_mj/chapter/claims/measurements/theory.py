@@ -9,26 +9,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grosmc_mj.arrays import Array
-from grosmc_mj.assumptions.balance import Loads, balance, balances, balances_along
 from grosmc_mj.chapter.claims.claim import Measured, NoValueError
 from grosmc_mj.chapter.claims.measurements.arm import PAYLOADS
-from grosmc_mj.chapter.claims.measurements.measures import (
-    EVERY,
-    from_run,
-    sliding,
-    worst_deviation,
-)
-from grosmc_mj.control.controller import Controller
-from grosmc_mj.control.lqr import LqrDesign, lqr
+from grosmc_mj.chapter.claims.measurements.measures import EVERY, from_run, sliding, worst_deviation
+from grosmc_mj.experiments.assumptions.balance import Loads, balance, balances, balances_along
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache, trial
-from grosmc_mj.physics.edits import BodyEdit
-from grosmc_mj.plants import AnalyticPlant, find_system
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.mechanics.physics.edits import BodyEdit
 from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse, SineFrom
 from grosmc_mj.simulation.trajectory import Status
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.control.lqr import LqrDesign, lqr
+from grosmc_mj.theory.plants import AnalyticPlant, find_system
 
 # Plants of a declared family, and random states of each.
 _PLANTS = 12

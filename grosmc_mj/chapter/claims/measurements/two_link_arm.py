@@ -6,16 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from grosmc_mj.assumptions.balance import Balance, Loads, balances
 from grosmc_mj.chapter.claims.claim import Measured
 from grosmc_mj.chapter.claims.measurements.measures import from_run, within
 from grosmc_mj.chapter.tip import true_tip
-from grosmc_mj.control.controller import Controller
+from grosmc_mj.experiments.assumptions.balance import Balance, Loads, balances
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache, trial
-from grosmc_mj.physics.edits import BodyEdit
-from grosmc_mj.plants import AnalyticPlant
+from grosmc_mj.mechanics.physics.edits import BodyEdit
+from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.plants import AnalyticPlant
 
 _SYSTEM = "two_link_arm"
 # Random payloads and poses of the elbow.

@@ -12,11 +12,11 @@ from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import OUTPUT, Command, Figures, Flag, Laws, WholeNumber, command
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.targets import TARGET
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.ground.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from grosmc_mj.sweep.radius import Radius
-    from grosmc_mj.sweep.specification import Specification
+    from grosmc_mj.studies.campaign.radius import Radius
+    from grosmc_mj.studies.campaign.specification import Specification
 
 # Options of --plant alone, and those that a campaign has, too.
 _FOR_PLANT = ("case_file",)
@@ -166,15 +166,20 @@ class CampaignCommand(Command):
             search_radii,
             search_worst,
         )
-        from grosmc_mj.executors import make_executor
-        from grosmc_mj.sweep.campaign import Campaign
-        from grosmc_mj.sweep.findings import RESULTS, campaign_result, findings, keeps_enough
-        from grosmc_mj.sweep.manifest import read_manifest, refuse_other_code
-        from grosmc_mj.sweep.map import write_figures
-        from grosmc_mj.sweep.radius import RADIUS, radius_result
-        from grosmc_mj.sweep.sampled import ALL
-        from grosmc_mj.sweep.store import Folder
-        from grosmc_mj.sweep.worst import WORST, worst_result
+        from grosmc_mj.ground.executors import make_executor
+        from grosmc_mj.studies.campaign.campaign import Campaign
+        from grosmc_mj.studies.campaign.findings import (
+            RESULTS,
+            campaign_result,
+            findings,
+            keeps_enough,
+        )
+        from grosmc_mj.studies.campaign.manifest import read_manifest, refuse_other_code
+        from grosmc_mj.studies.campaign.map import write_figures
+        from grosmc_mj.studies.campaign.radius import RADIUS, radius_result
+        from grosmc_mj.studies.campaign.store import Folder
+        from grosmc_mj.studies.campaign.worst import WORST, worst_result
+        from grosmc_mj.studies.sweep.sampled import ALL
 
         specification = self._specification()
         folder = Folder(self.out or _FOLDER / specification.name)
@@ -216,8 +221,8 @@ class CampaignCommand(Command):
         Raises:
             ArgumentError: If the target is a campaign's folder, or a number does not fit.
         """
-        from grosmc_mj.sweep.specification import specification_of
-        from grosmc_mj.sweep.store import Folder
+        from grosmc_mj.studies.campaign.specification import specification_of
+        from grosmc_mj.studies.campaign.store import Folder
 
         if Folder(Path(self.target)).begun:
             raise ArgumentError(
@@ -241,7 +246,7 @@ class CampaignCommand(Command):
 
     def _refuse_numbers(self) -> None:
         """Refuse shares that are none, and too short a search, before anything is run."""
-        from grosmc_mj.sweep.worst import LEAST
+        from grosmc_mj.studies.campaign.worst import LEAST
 
         for name, share in (("confidence", self.confidence), ("at-least", self.at_least)):
             if share is not None and not 0 < share < 1:
@@ -259,7 +264,7 @@ class CampaignCommand(Command):
 
     def _refuse_axes(self, names: list[str]) -> None:
         """Refuse axes that are no two uncertain numbers."""
-        from grosmc_mj.arguments import require_known
+        from grosmc_mj.ground.arguments import require_known
 
         for name in self.axes:
             require_known("uncertain number", name, names)

@@ -8,11 +8,11 @@ from pathlib import Path
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.output import PROGRAM
-from grosmc_mj.errors import ArgumentError
-from grosmc_mj.files import atomic_write
-from grosmc_mj.sweep.opening import read_campaign
-from grosmc_mj.sweep.plant_file import case_text, find_plant
-from grosmc_mj.sweep.store import Folder
+from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.ground.files import atomic_write
+from grosmc_mj.studies.campaign.opening import read_campaign
+from grosmc_mj.studies.campaign.plant_file import case_text, find_plant
+from grosmc_mj.studies.campaign.store import Folder
 
 
 def write_plant(

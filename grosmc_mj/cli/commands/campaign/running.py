@@ -7,13 +7,13 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 from grosmc_mj.cli import screen
-from grosmc_mj.executors import Executor
-from grosmc_mj.sweep import work
-from grosmc_mj.sweep.campaign import Campaign
-from grosmc_mj.sweep.findings import Findings
-from grosmc_mj.sweep.radius import Radius, radius
-from grosmc_mj.sweep.store import Folder
-from grosmc_mj.sweep.worst import WorstPlant, worst
+from grosmc_mj.ground.executors import Executor
+from grosmc_mj.studies.campaign import work
+from grosmc_mj.studies.campaign.campaign import Campaign
+from grosmc_mj.studies.campaign.findings import Findings
+from grosmc_mj.studies.campaign.radius import Radius, radius
+from grosmc_mj.studies.campaign.store import Folder
+from grosmc_mj.studies.campaign.worst import WorstPlant, worst
 
 
 def notices(campaign: Campaign) -> list[str]:

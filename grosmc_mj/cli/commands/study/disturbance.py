@@ -13,9 +13,9 @@ from grosmc_mj.cli.command import Flag, Laws, Target, WholeNumber, command
 from grosmc_mj.cli.commands.study.study_command import FilmedStudyCommand
 
 if TYPE_CHECKING:
-    from grosmc_mj.films.film import Film
-    from grosmc_mj.results.result import Result
-    from grosmc_mj.studies.disturbance import DisturbanceStudy, WorstDisturbance
+    from grosmc_mj.output.films.film import Film
+    from grosmc_mj.output.results.result import Result
+    from grosmc_mj.studies.disturbance.disturbance import DisturbanceStudy, WorstDisturbance
 
 _Text = Annotated[str, Parameter(metavar="TEXT", show_default="none")]
 
@@ -68,8 +68,8 @@ class DisturbanceCommand(FilmedStudyCommand["DisturbanceStudy", "WorstDisturbanc
 
     def study(self) -> DisturbanceStudy:
         """Return the search that the options describe."""
-        from grosmc_mj.studies.disturbance import disturbance_study
-        from grosmc_mj.studies.disturbance_answer import require_filmable, require_replayable
+        from grosmc_mj.studies.disturbance.answer import require_filmable, require_replayable
+        from grosmc_mj.studies.disturbance.disturbance import disturbance_study
 
         study = disturbance_study(
             self.target,
@@ -92,7 +92,7 @@ class DisturbanceCommand(FilmedStudyCommand["DisturbanceStudy", "WorstDisturbanc
         self, study: DisturbanceStudy, rows: Sequence[WorstDisturbance], *, complete: bool
     ) -> Result:
         """Return the result of a search."""
-        from grosmc_mj.studies.disturbance_answer import disturbance_result
+        from grosmc_mj.studies.disturbance.answer import disturbance_result
 
         return disturbance_result(study, rows, complete=complete)
 
@@ -100,9 +100,9 @@ class DisturbanceCommand(FilmedStudyCommand["DisturbanceStudy", "WorstDisturbanc
         self, study: DisturbanceStudy, rows: Sequence[WorstDisturbance], path: Path
     ) -> Sequence[Path]:
         """Draw the figure and write the case files."""
-        from grosmc_mj.files import atomic_write, name_in_files
-        from grosmc_mj.results.charts import write_panels
-        from grosmc_mj.studies.disturbance_answer import case_text, charts
+        from grosmc_mj.ground.files import atomic_write, name_in_files
+        from grosmc_mj.output.results.charts import write_panels
+        from grosmc_mj.studies.disturbance.answer import case_text, charts
 
         title = f"{study.experiment.target}: worst disturbance on {self.on}"
         figure = path.with_suffix(".png")
@@ -123,7 +123,7 @@ class DisturbanceCommand(FilmedStudyCommand["DisturbanceStudy", "WorstDisturbanc
     def film_of(self, study: DisturbanceStudy, rows: Sequence[WorstDisturbance]) -> Film:
         """Return the film of the law under its worst disturbance."""
         from grosmc_mj.experiments.films import SMALL
-        from grosmc_mj.studies.disturbance_answer import disturbance_film
+        from grosmc_mj.studies.disturbance.answer import disturbance_film
 
         (worst,) = [row for row in rows if row.law == self.film]
         return disturbance_film(study, worst, SMALL)

@@ -11,9 +11,9 @@ from grosmc_mj.cli.command import Flag, StudiedLaws, Target, WholeNumber, comman
 from grosmc_mj.cli.commands.study.study_command import FilmedStudyCommand
 
 if TYPE_CHECKING:
-    from grosmc_mj.films.film import Film
-    from grosmc_mj.results.result import Result
-    from grosmc_mj.studies.ladder import Ladder, RungResult
+    from grosmc_mj.output.films.film import Film
+    from grosmc_mj.output.results.result import Result
+    from grosmc_mj.studies.ladder.ladder import Ladder, RungResult
 
 
 @command
@@ -55,10 +55,10 @@ class LadderCommand(FilmedStudyCommand["Ladder", "RungResult"]):
 
     def study(self) -> Ladder:
         """Return the ladder of the target, with the sentences of the claims that its file cites."""
-        from grosmc_mj.arguments import require_known
         from grosmc_mj.chapter.claims.cited import cited_claims
-        from grosmc_mj.studies.ladder import ladder
-        from grosmc_mj.sweep.draws import require_draws
+        from grosmc_mj.ground.arguments import require_known
+        from grosmc_mj.studies.ladder.ladder import ladder
+        from grosmc_mj.studies.sweep.draws import require_draws
 
         require_draws(self.draws)
         study = ladder(
@@ -76,7 +76,7 @@ class LadderCommand(FilmedStudyCommand["Ladder", "RungResult"]):
 
     def measure(self, study: Ladder, rows: list[RungResult], folder: Path) -> None:
         """Climb with each law; the logs of the real machine come last, if all can be read."""
-        from grosmc_mj.studies.ladder import measured_rows
+        from grosmc_mj.studies.ladder.ladder import measured_rows
 
         measured = measured_rows(study)
         super().measure(study, rows, folder)
@@ -84,13 +84,13 @@ class LadderCommand(FilmedStudyCommand["Ladder", "RungResult"]):
 
     def result(self, study: Ladder, rows: Sequence[RungResult], *, complete: bool) -> Result:
         """Return the result of a ladder."""
-        from grosmc_mj.studies.ladder_answer import ladder_result
+        from grosmc_mj.studies.ladder.answer import ladder_result
 
         return ladder_result(study, rows, complete=complete)
 
     def draw(self, study: Ladder, rows: Sequence[RungResult], path: Path) -> Sequence[Path]:
         """Draw a figure for each condition."""
-        from grosmc_mj.studies.ladder_answer import charts
+        from grosmc_mj.studies.ladder.answer import charts
         from grosmc_mj.studies.matrix import NOTE, write_charts
 
         title = f"{study.target}: where each law fails"
@@ -104,7 +104,7 @@ class LadderCommand(FilmedStudyCommand["Ladder", "RungResult"]):
     def film_of(self, study: Ladder, rows: Sequence[RungResult]) -> Film:
         """Return the film of the law around where it breaks."""
         from grosmc_mj.experiments.films import SMALL
-        from grosmc_mj.studies.ladder_answer import ladder_film
+        from grosmc_mj.studies.ladder.answer import ladder_film
 
         (law,) = [law for law in study.laws if law.name == self.film]
         return ladder_film(study, law, rows, replace(SMALL, fps=8))

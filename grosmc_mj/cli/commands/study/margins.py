@@ -13,9 +13,9 @@ from grosmc_mj.cli.command import Flag, StudiedLaws, Target, WholeNumber, comman
 from grosmc_mj.cli.commands.study.study_command import StudyCommand
 
 if TYPE_CHECKING:
-    from grosmc_mj.results.result import Result
-    from grosmc_mj.studies.law_margins import LawMargins
-    from grosmc_mj.studies.margins import MarginStudy
+    from grosmc_mj.output.results.result import Result
+    from grosmc_mj.studies.margins.law_margins import LawMargins
+    from grosmc_mj.studies.margins.margins import MarginStudy
 
 
 @command
@@ -60,8 +60,8 @@ class MarginsCommand(StudyCommand["MarginStudy", "LawMargins"]):
 
     def study(self) -> MarginStudy:
         """Return the loops and machines of the target."""
-        from grosmc_mj.studies.margins import margin_study
-        from grosmc_mj.sweep.draws import require_draws
+        from grosmc_mj.studies.margins.margins import margin_study
+        from grosmc_mj.studies.sweep.draws import require_draws
 
         require_draws(self.draws)
         return margin_study(
@@ -75,15 +75,15 @@ class MarginsCommand(StudyCommand["MarginStudy", "LawMargins"]):
 
     def result(self, study: MarginStudy, rows: Sequence[LawMargins], *, complete: bool) -> Result:
         """Return the result of a study of margins."""
-        from grosmc_mj.studies.margins_answer import margins_result
+        from grosmc_mj.studies.margins.answer import margins_result
 
         return margins_result(study, rows, complete=complete)
 
     def draw(self, study: MarginStudy, rows: Sequence[LawMargins], path: Path) -> Sequence[Path]:
         """Draw the figure, a row of charts for each setup."""
-        from grosmc_mj.results.charts import write_panels
-        from grosmc_mj.studies.margins_answer import by_setup
-        from grosmc_mj.studies.margins_figure import charts
+        from grosmc_mj.output.results.charts import write_panels
+        from grosmc_mj.studies.margins.answer import by_setup
+        from grosmc_mj.studies.margins.figure import charts
 
         panels = [charts(setup, of_setup) for setup, of_setup in by_setup(study, rows)]
         title = f"{study.target}: L at the plant's input, and its delay margin"

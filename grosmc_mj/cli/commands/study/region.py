@@ -11,10 +11,10 @@ from cyclopts import Parameter
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Out, Target, WholeNumber, command
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
-from grosmc_mj.errors import ArgumentError
+from grosmc_mj.ground.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from grosmc_mj.studies.region import RegionMap, RegionStudy
+    from grosmc_mj.studies.region.region import RegionMap, RegionStudy
 
 
 @command
@@ -75,7 +75,7 @@ class RegionCommand(Command):
 
     def execute(self) -> int:
         """Compute the maps, write, draw and print them."""
-        from grosmc_mj.studies.region_answer import region_result, write_region_figure
+        from grosmc_mj.studies.region.answer import region_result, write_region_figure
 
         region = self._region()
         path = self.out / f"region_{region.system.name}.json"
@@ -105,7 +105,7 @@ class RegionCommand(Command):
         Raises:
             ArgumentError: If axes or limits are no pair, or another option does not fit.
         """
-        from grosmc_mj.studies.region import RegionStudy
+        from grosmc_mj.studies.region.region import RegionStudy
 
         pairs: dict[str, Any] = {"axes": self.axes or None, "limits": self.limits or None}
         for name, pair in pairs.items():

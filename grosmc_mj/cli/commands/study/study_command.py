@@ -16,8 +16,8 @@ from grosmc_mj.cli.films import write_with_progress
 from grosmc_mj.cli.targets import result_name
 
 if TYPE_CHECKING:
-    from grosmc_mj.films.film import Film
-    from grosmc_mj.results.result import Result
+    from grosmc_mj.output.films.film import Film
+    from grosmc_mj.output.results.result import Result
 
 AnyStudy = TypeVar("AnyStudy", bound=Any)
 AnyRow = TypeVar("AnyRow")

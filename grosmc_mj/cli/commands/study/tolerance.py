@@ -11,8 +11,8 @@ from grosmc_mj.cli.command import Flag, StudiedLaws, Target, WholeNumber, comman
 from grosmc_mj.cli.commands.study.study_command import StudyCommand
 
 if TYPE_CHECKING:
-    from grosmc_mj.results.result import Result
-    from grosmc_mj.studies.tolerance import LawTolerances, ToleranceStudy
+    from grosmc_mj.output.results.result import Result
+    from grosmc_mj.studies.tolerance.tolerance import LawTolerances, ToleranceStudy
 
 
 @command
@@ -51,8 +51,8 @@ class ToleranceCommand(StudyCommand["ToleranceStudy", "LawTolerances"]):
 
     def study(self) -> ToleranceStudy:
         """Return the target with its bench, conditions and laws."""
-        from grosmc_mj.studies.tolerance import tolerance_study
-        from grosmc_mj.sweep.draws import require_draws
+        from grosmc_mj.studies.sweep.draws import require_draws
+        from grosmc_mj.studies.tolerance.tolerance import tolerance_study
 
         require_draws(self.draws)
         return tolerance_study(
@@ -67,7 +67,7 @@ class ToleranceCommand(StudyCommand["ToleranceStudy", "LawTolerances"]):
         self, study: ToleranceStudy, rows: Sequence[LawTolerances], *, complete: bool
     ) -> Result:
         """Return the result of a study of tolerances."""
-        from grosmc_mj.studies.tolerance_answer import tolerance_result
+        from grosmc_mj.studies.tolerance.answer import tolerance_result
 
         return tolerance_result(study, study.tolerances(rows), complete=complete)
 
@@ -76,7 +76,7 @@ class ToleranceCommand(StudyCommand["ToleranceStudy", "LawTolerances"]):
     ) -> Sequence[Path]:
         """Draw a figure for each condition."""
         from grosmc_mj.studies.matrix import write_charts
-        from grosmc_mj.studies.tolerance_answer import NOTE, charts
+        from grosmc_mj.studies.tolerance.answer import NOTE, charts
 
         title = f"{study.target}: what of its bench each law stands"
         return write_charts(path, title, charts(study, study.tolerances(rows)), NOTE)

@@ -1,0 +1,1 @@
+"""Answer of a run: its tables, its curves, its JSON document."""

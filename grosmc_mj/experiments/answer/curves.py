@@ -1,0 +1,713 @@
+"""The runs of a case over time: panels of curves, drawn as a figure or written as a document.
+
+A panel is one quantity with its unit: an output, the distance from the optimum, s, the input, or a
+hidden state of the machine.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grosmc_mj.experiments.case_document import seed_of
+from grosmc_mj.experiments.experiment import Experiment, RunResult
+from grosmc_mj.experiments.requirements.judging import Judgement
+from grosmc_mj.experiments.requirements.requirement import Requirement
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.output.results.document import origin, write_json
+from grosmc_mj.output.results.envelope import envelope, jumps
+from grosmc_mj.output.results.palette import (
+    BLACK,
+    FAILED,
+    LINES,
+    ORANGE,
+    PLANTS,
+    REFERENCE,
+    LawStyle,
+    label_of,
+    law_styles,
+)
+from grosmc_mj.output.results.tables import prefixed
+from grosmc_mj.simulation.trajectory import Status
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Kinds of hidden states on a machine, the most informative first, and the number of their panels.
+_HIDDEN_KINDS = ("twist", "winding", "load", "temperature", "bristle")
+_MOST_HIDDEN = 3
+
+
+class Curve(NamedTuple):
+    """A signal of a run, at its instants or at the beginnings of its intervals.
+
+    Attributes:
+        run: The run.
+        values: Values from t = 0 on; NaN where there is none.
+        name: ``true`` for a state and ``seen`` for its value that the law is given; else empty.
+    """
+
+    run: RunResult
+    values: Array
+    name: str = ""
+
+    @property
+    def time(self) -> Array:
+        """Instants of the values [s]."""
+        return self.run.trajectory.time[: len(self.values)]
+
+
+class Panel(NamedTuple):
+    """One quantity over time.
+
+    Attributes:
+        label: Name and unit.
+        curves: Curves of the runs.
+        shows: Quantities and signals whose requirements it shows.
+        reference: Reference of the quantity, at the instants of the first run; None without one.
+        signed: Whether it has a sign, so that a limit is one to both sides.
+        play: Backlash of a transmission, shaded to both sides of zero.
+    """
+
+    label: str
+    curves: Sequence[Curve]
+    shows: tuple[str, ...] = ()
+    reference: Array | None = None
+    signed: bool = True
+    play: float = 0.0
+
+
+def panels_of(results: Sequence[RunResult]) -> list[Panel]:
+    """Return the panels of runs; signals of the laws themselves are those on the last plant.
+
+    Logs of the machine are shown where they have the quantity: outputs, states and inputs.
+    """
+    simulated = [run for run in results if run.simulated]
+    measured = [run for run in results if not run.simulated]
+    if not simulated:
+        return [*_output_panels(measured), *_state_panels(measured), _input_panel(measured)]
+
+    on_last_plant = [run for run in simulated if run.plant == simulated[-1].plant]
+    chattering_first = _chattering_first(on_last_plant)
+    panels = _output_panels([*simulated, *measured])
+    panels.append(_deviation_panel(simulated))
+    panels += _state_panels([*simulated, *measured])
+    if simulated[0].trajectory.seen is not None:
+        panels.append(_measurement_error_panel(chattering_first))
+        panels += _rate_panels(on_last_plant[-1])
+    panels += _sliding_panels(simulated, chattering_first)
+    panels.append(_input_panel([*chattering_first, *measured]))
+    return panels + _hidden_panels(chattering_first)[:_MOST_HIDDEN]
+
+
+def _chattering_first(results: Sequence[RunResult]) -> list[RunResult]:
+    """Return runs in the order in which their inputs are drawn: smooth ones above the others."""
+    return sorted(results, key=lambda run: -(run.metrics["total_variation"].value or 0.0))
+
+
+def panel_of(results: Sequence[RunResult], quantity: str) -> Panel:
+    """Return the panel of one quantity of runs.
+
+    Args:
+        results: Runs of one case.
+        quantity: ``output``, ``deviation``, ``sliding``, ``input``, or the name of a state.
+
+    Raises:
+        ArgumentError: If the runs have no such quantity.
+    """
+    with_surface = [run for run in results if run.trajectory.sliding is not None]
+    panels = [
+        *_output_panels(results),
+        _deviation_panel(results),
+        *_sliding_panels(results, with_surface),
+        _input_panel(_chattering_first(results)),
+    ]
+    states = results[0].trajectory.system.states
+    panels += [_tracked_state_panel(results, row) for row in range(len(states))]
+    for panel in panels:
+        if quantity in panel.shows:
+            return panel
+
+    known = [name for panel in panels for name in panel.shows]
+    raise ArgumentError(f"no quantity {quantity!r} of these runs: one of {', '.join(known)}")
+
+
+def _output_panels(results: Sequence[RunResult]) -> list[Panel]:
+    """Return a panel for each output, with its reference."""
+    first = results[0]
+    system = first.trajectory.system
+    error = first.controller.designed.error
+    rows = first.comparison.outputs
+    outputs_are_states = error.outputs is None and len(rows) == len(system.controlled)
+
+    panels = []
+    for j, row in enumerate(rows):
+        number = "" if len(rows) == 1 else str(j + 1)
+        name = f"output y{number}"
+        if outputs_are_states:
+            name = system.states[system.controlled[j]].name
+        panels.append(
+            Panel(
+                label=f"{name} [{error.units[row]}]",
+                curves=[Curve(run, _output(run, j)) for run in results],
+                shows=("output", error.names[row]),
+                reference=first.comparison.reference[:, j],
+            )
+        )
+    return panels
+
+
+def _output(run: RunResult, j: int) -> Array:
+    """Return an output of a run by its index, (N + 1,)."""
+    comparison = run.comparison
+    error = comparison.z[:, comparison.outputs[j]]
+    return comparison.reference[:, j] + run.controller.designed.error.sign * error
+
+
+def _deviation_panel(results: Sequence[RunResult]) -> Panel:
+    """Return the panel of the distance from the optimum, of a single output with its sign."""
+    first = results[0]
+    unit = first.controller.designed.error.units[first.comparison.outputs[0]]
+    single = len(first.comparison.outputs) == 1
+    distance = "distance from y*" if single else "|y − y*|"
+    return Panel(
+        label=f"{distance} [{unit}]",
+        curves=[Curve(run, run.comparison.deviation) for run in results],
+        shows=("deviation",),
+        signed=single,
+    )
+
+
+def _state_panels(results: Sequence[RunResult]) -> list[Panel]:
+    """Return a panel for each state that a requirement names and that is no output."""
+    first = results[0]
+    error = first.controller.designed.error
+    outputs = [error.names[row] for row in first.comparison.outputs]
+    named = [requirement.signal for requirement in first.case.limits]
+
+    panels = []
+    for i, state in enumerate(first.trajectory.system.states):
+        if state.name in named and state.name not in outputs:
+            panels.append(_state_panel(results, i))
+    return panels
+
+
+def _state_panel(results: Sequence[RunResult], row: int) -> Panel:
+    """Return the panel of a state, by its row."""
+    state = results[0].trajectory.system.states[row]
+    curves = [Curve(run, run.trajectory.state[:, row]) for run in results]
+    return Panel(f"{state.name} [{state.unit}]", curves, shows=(state.name,))
+
+
+def _tracked_state_panel(results: Sequence[RunResult], row: int) -> Panel:
+    """Return the panel of a state, with its reference where its error is one of the laws'."""
+    panel = _state_panel(results, row)
+    first = results[0]
+    error = first.controller.designed.error
+    name = first.trajectory.system.states[row].name
+    if error.outputs is not None or name not in error.names:
+        return panel
+
+    z = first.comparison.z[:, error.names.index(name)]
+    return panel._replace(reference=first.trajectory.state[:, row] - error.sign * z)
+
+
+def _measurement_error_panel(results: Sequence[RunResult]) -> Panel:
+    """Return the panel of the first controlled coordinate as the law sees it less as it is."""
+    system = results[0].trajectory.system
+    j = system.controlled[0]
+    state = system.states[j]
+    return Panel(
+        label=f"{state.name},\nseen − true [{state.unit}]",
+        curves=[Curve(run, _measurement_error(run)[:, j]) for run in results],
+    )
+
+
+def _measurement_error(run: RunResult) -> Array:
+    """Return the states as the law sees them less as they are, (N, n)."""
+    true = run.trajectory.state[:-1]
+    if run.trajectory.seen is None:
+        return np.zeros_like(true)
+    return run.trajectory.seen - true
+
+
+def _rate_panels(run: RunResult) -> list[Panel]:
+    """Return a panel for each unit of rates that are not known exactly, of the worst such rate."""
+    loop = run.case.loop
+    states = run.trajectory.system.states
+    seen = run.trajectory.seen
+    if loop is None or seen is None:
+        return []
+    largest_errors = np.abs(_measurement_error(run)).max(axis=0, initial=0.0).tolist()
+
+    # By unit the index of the rate with the largest error.
+    worst_rates: dict[str, int] = {}
+    for i in sorted(run.trajectory.system.rate_positions):
+        if states[i].name not in loop.not_known_exactly:
+            continue
+        worst = worst_rates.setdefault(states[i].unit, i)
+        if largest_errors[i] > largest_errors[worst]:
+            worst_rates[states[i].unit] = i
+
+    panels = []
+    for unit, i in worst_rates.items():
+        true = run.trajectory.state[: len(seen), i]
+        curves = [Curve(run, true, "true"), Curve(run, seen[:, i], "seen")]
+        panels.append(Panel(f"{states[i].name} [{unit}]", curves))
+    return panels
+
+
+def _sliding_panels(results: Sequence[RunResult], drawn: Sequence[RunResult]) -> list[Panel]:
+    """Return a panel of s of the drawn runs, if a law has a surface."""
+    units = [run.controller.designed.sliding_unit for run in results]
+    units = [unit for unit in units if unit]
+    if not units:
+        return []
+    first = results[0].trajectory
+    single = len(first.system.inputs) == 1
+    name = "s" if single else "largest |s|"
+    if first.seen is not None:
+        name += ", as the law\nsees it"
+    return [
+        Panel(
+            label=f"{name} [{units[0]}]",
+            curves=[Curve(run, _sliding(run)) for run in drawn],
+            shows=("sliding",),
+            signed=single,
+        )
+    ]
+
+
+def _sliding(run: RunResult) -> Array:
+    """Return s, or NaN where a law has no surface."""
+    sliding = run.trajectory.sliding
+    if sliding is None:
+        return np.full(len(run.trajectory.time) - 1, np.nan)
+    return _largest(sliding)
+
+
+def _input_panel(results: Sequence[RunResult]) -> Panel:
+    """Return the panel of the input that the plant is given."""
+    trajectory = results[0].trajectory
+    system = trajectory.system
+    single = len(system.inputs) == 1
+    name = system.input.name if single else "largest |u|"
+    if trajectory.seen is not None:
+        name += " given"
+    return Panel(
+        label=f"{name} [{system.input.unit}]",
+        curves=[Curve(run, _largest(run.trajectory.input)) for run in results],
+        shows=("input",),
+        signed=single,
+    )
+
+
+def _largest(rows: Array) -> Array:
+    """Return a single signal as it is, else the largest magnitude of several."""
+    if rows.ndim == 1:
+        return rows
+    return np.abs(rows).max(axis=1)
+
+
+def _hidden_panels(results: Sequence[RunResult]) -> list[Panel]:
+    """Return a panel for each kind and unit of the machine's hidden states, of the largest one."""
+    signals = results[0].trajectory.unseen
+    rows = {}
+    sizes = {}
+    for signal in signals:
+        rows[signal] = [signal.of(run.trajectory.physics) for run in results]
+        sizes[signal] = max(float(np.abs(values).max(initial=0.0)) for values in rows[signal])
+
+    panels = []
+    for kind in _HIDDEN_KINDS:
+        of_kind = [signal for signal in signals if signal.kind == kind]
+        for unit in dict.fromkeys(signal.unit for signal in signals):
+            alike = [signal for signal in of_kind if signal.unit == unit]
+            if alike:
+                largest = max(alike, key=sizes.__getitem__)
+                panels.append(_hidden_panel(largest, sizes[largest], rows[largest], results))
+    return panels
+
+
+def _hidden_panel(
+    signal: Any,
+    size: float,
+    rows: Sequence[Array],
+    results: Sequence[RunResult],
+) -> Panel:
+    """Return the panel of a hidden state, in a unit with a prefix that suits its size."""
+    unit, scale = prefixed(signal.unit, size)
+    curves = [Curve(run, scale * values) for run, values in zip(results, rows, strict=True)]
+    return Panel(f"{signal.name},\nnot seen [{unit}]", curves, play=scale * signal.play)
+
+
+def levels_of(limit: Requirement, panel: Panel) -> Iterator[tuple[Array, Array]]:
+    """Return the lines of a limit in a panel as times [s] and values; none without a level."""
+    if not limit.is_level:
+        return
+    first = panel.curves[0].run
+    time = np.array([limit.after, first.case.duration])
+    middle = np.zeros(2)
+    if panel.reference is not None:
+        since = first.comparison.time >= limit.after
+        time = first.comparison.time[since]
+        middle = panel.reference[since]
+
+    yield time, middle + limit.number
+    if panel.signed:
+        yield time, middle - limit.number
+
+
+def judged_in(panel: Panel, results: Sequence[RunResult]) -> list[Judgement]:
+    """Return the judgements that a panel shows."""
+    judgements = []
+    for run in results:
+        judgements += [
+            item for item in run.requirements if item.requirement.shown_with in panel.shows
+        ]
+    return judgements
+
+
+# -- as a figure ---------------------------------------------------------------------------------
+
+# Size of a panel, and height of title and legend [inch].
+_WIDTH = 7.2
+_HEIGHT = 1.9
+_AROUND = 1.3
+_ALONE: dict[str, Any] = {"lw": 1.6}
+_LIMIT: dict[str, Any] = {"color": BLACK, "lw": 1.0, "ls": (0, (4, 2)), "zorder": 4}
+# A true rate, and the rate that a law sees on top of it.
+_TRUE: dict[str, Any] = {"color": BLACK, "lw": 3.2, "alpha": 0.45}
+_SEEN: dict[str, Any] = {"color": ORANGE, "lw": 1.3}
+_PLAY: dict[str, Any] = {"color": BLACK, "alpha": 0.13, "lw": 0}
+_MARK_SIZE = 8
+# Panels of more outputs than this are drawn in two columns.
+_MOST_IN_ONE_COLUMN = 3
+
+
+def figure_size(results: Sequence[RunResult]) -> tuple[float, float]:
+    """Return width and height of the figure of runs [inch]."""
+    columns, rows = _grid(len(panels_of(results)), results)
+    width = columns * _WIDTH
+    if columns > 1:
+        width *= 0.75
+    return width, rows * _HEIGHT + _AROUND
+
+
+def draw_experiment(figure: Figure, results: Sequence[RunResult]) -> None:
+    """Draw all runs of a case file on an empty figure, over time.
+
+    A panel whose requirement is not kept has a frame and names the requirement. Above the first
+    one stand those that no panel shows, such as a cost.
+    """
+    # Imported here: the document of curves needs no matplotlib.
+    from grosmc_mj.output.results.figure import TITLE_SIZE, draw_legend_below
+
+    panels = panels_of(results)
+    columns, rows = _grid(len(panels), results)
+    axes = np.ravel(figure.subplots(rows, columns, sharex=True, squeeze=False))
+    for empty in axes[len(panels) :]:
+        empty.set_visible(False)
+
+    styles = law_styles(result.controller.name for result in results)
+    in_common_legend = []
+    for panel_axes, panel in zip(axes, panels, strict=False):
+        draw_panel(panel_axes, panel, styles, results)
+        judgements = judged_in(panel, results)
+        _draw_limits(panel_axes, panel, judgements)
+        failed = [item for item in judgements if not item.kept]
+        if panel is panels[0]:
+            failed = failures_without_panel(panels, results) + failed
+        _name_failures(panel_axes, failed)
+        if not panel.curves[0].name:
+            in_common_legend.append(panel_axes)
+
+    for lowest in axes[max(0, len(panels) - columns) : len(panels)]:
+        lowest.set_xlabel("time t [s]")
+        lowest.tick_params(labelbottom=True)
+    figure.suptitle(results[0].case.title, fontsize=TITLE_SIZE)
+    draw_legend_below(figure, in_common_legend)
+
+
+def _grid(panels: int, results: Sequence[RunResult]) -> tuple[int, int]:
+    """Return the numbers of columns and rows."""
+    columns = 1
+    if len(results[0].comparison.outputs) > _MOST_IN_ONE_COLUMN:
+        columns = 2
+    return columns, math.ceil(panels / columns)
+
+
+def draw_panel(
+    axes: Axes,
+    panel: Panel,
+    styles: dict[str, LawStyle],
+    results: Sequence[RunResult],
+) -> None:
+    """Draw curves, reference, backlash and disturbances of a panel on its own axes."""
+    several_plants = len({curve.run.plant for curve in panel.curves}) > 1
+    for curve in panel.curves:
+        _draw_curve(axes, curve, styles, several_plants=several_plants)
+    if panel.curves[0].name:
+        # A legend of its own for these curves, above them, where it hides nothing.
+        axes.legend(
+            ncols=2, frameon=False, loc="lower right", bbox_to_anchor=(1, 1), borderaxespad=0
+        )
+    if panel.reference is not None:
+        time = results[0].comparison.time
+        axes.plot(time, panel.reference, label="reference", **REFERENCE)
+    if panel.play:
+        axes.axhspan(-panel.play / 2, panel.play / 2, label="backlash", **_PLAY)
+    axes.set_ylabel(panel.label)
+    shade_disturbances(axes, results[0].case)
+
+
+def _draw_curve(
+    axes: Axes,
+    curve: Curve,
+    styles: dict[str, LawStyle],
+    *,
+    several_plants: bool,
+) -> None:
+    """Draw a run's curve; if it jumps at every sample, its range and its mean."""
+    time = curve.time
+    values = curve.values
+    style = _style(curve, styles, several_plants=several_plants)
+    if not curve.name and curve.run.status is not Status.COMPLETED and len(time):
+        _mark_end(axes, time[-1], values[-1], style["color"])
+    if jumps(values[np.isfinite(values)]):
+        band = envelope(time, values)
+        axes.fill_between(
+            band.time, band.least, band.largest, color=style["color"], alpha=0.25, lw=0
+        )
+        time = band.time
+        values = band.mean
+    axes.plot(time, values, rasterized=True, **style)
+
+
+def _style(curve: Curve, styles: dict[str, LawStyle], *, several_plants: bool) -> dict[str, Any]:
+    """Return label and line of a curve."""
+    law = curve.run.controller.name
+    plant = curve.run.plant
+    if curve.name == "true":
+        return {"label": "true", **_TRUE}
+    if curve.name == "seen":
+        return {"label": f"seen by {label_of(law)}", **_SEEN}
+    # The name of a log may stand behind that of its plant.
+    kind, _, log = plant.partition(" ")
+    line = LINES[kind] if several_plants else _ALONE
+    label = f"{styles[law].label}, {PLANTS[kind]} {log}".rstrip()
+    return {"color": styles[law].colour, "label": label, **line}
+
+
+def _mark_end(
+    axes: Axes,
+    time: float,
+    value: float,
+    colour: str,
+) -> None:
+    """Mark the end of a run that ended early."""
+    axes.plot(time, value, "X", color=colour, mec="white", ms=9)
+    axes.annotate(
+        "ended",
+        (time, value),
+        (5, 3),
+        textcoords="offset points",
+        fontsize=_MARK_SIZE,
+        color=colour,
+        rotation=40,
+    )
+
+
+def _draw_limits(axes: Axes, panel: Panel, judgements: Sequence[Judgement]) -> None:
+    """Draw the limits of a panel, and a frame where one of them is not kept."""
+    failed_limits = [item.requirement for item in judgements if not item.kept]
+    for limit in dict.fromkeys(item.requirement for item in judgements):
+        style = {**_LIMIT, "label": "limit"}
+        if limit in failed_limits:
+            style = {**_LIMIT, "lw": 2.0, "label": "limit, not kept"}
+        for time, values in levels_of(limit, panel):
+            axes.plot(time, values, **style)
+
+    if failed_limits:
+        for side in axes.spines.values():
+            side.set(visible=True, color=FAILED, linewidth=1.6)
+
+
+def failures_without_panel(
+    panels: Sequence[Panel], results: Sequence[RunResult]
+) -> list[Judgement]:
+    """Return the requirements that are not kept and that no panel shows."""
+    shown: set[str] = set()
+    for panel in panels:
+        shown.update(panel.shows)
+    failed: list[Judgement] = []
+    for run in results:
+        failed += [
+            item
+            for item in run.requirements
+            if not item.kept and item.requirement.shown_with not in shown
+        ]
+    return failed
+
+
+def _name_failures(axes: Axes, failed: Sequence[Judgement]) -> None:
+    """Write the requirements that are not kept above a panel, a line for each law."""
+    if failed:
+        lines = [f"not kept by {item.controller}: {item.requirement.words}" for item in failed]
+        title = "\n".join(dict.fromkeys(lines))
+        axes.set_title(title, loc="right", fontsize=_MARK_SIZE, color=FAILED, pad=3)
+
+
+def shade_disturbances(axes: Axes, case: Experiment) -> None:
+    """Shade the time in which each disturbance of a case acts, on axes of the case's duration."""
+    from grosmc_mj.output.results.figure import shade
+
+    for disturbance in case.disturbances:
+        start, stop = disturbance.window
+        shade(axes, start, min(stop, case.duration), disturbance.title)
+    axes.set_xlim(0, case.duration)
+
+
+# -- as a document -------------------------------------------------------------------------------
+
+# Folder beside the results.
+FOLDER = "curves"
+# Largest distance of a curve from the recorded values, as a share of its range.
+_OFF = 5e-4
+# Most points of a curve; one that needs more is drawn as one that jumps.
+_MOST_POINTS = 800
+
+
+def write_curves(results: Sequence[RunResult], name: str, out: Path) -> Path:
+    """Write the curves of the runs of one case, and return the path of the file.
+
+    Args:
+        results: Runs of the case.
+        name: Name of the file.
+        out: Folder of the other results.
+
+    Raises:
+        SetupError: If it cannot be written.
+    """
+    path = out / FOLDER / f"{name}.json"
+    write_json(path, curves_document(results))
+    return path
+
+
+def curves_document(results: Sequence[RunResult]) -> dict[str, Any]:
+    """Return the curves of the runs of one case, with no more points than straight lines need.
+
+    Of a signal that jumps all the time the range and the mean in short times stand side by
+    side. Every other number is one of the run's, to seven digits.
+    """
+    case = results[0].case
+    styles = law_styles(result.controller.name for result in results)
+    disturbances = [
+        {
+            "start": disturbance.window[0],
+            "stop": min(disturbance.window[1], case.duration),
+            "label": disturbance.title,
+        }
+        for disturbance in case.disturbances
+    ]
+    laws = {name: {"label": style.label, "colour": style.colour} for name, style in styles.items()}
+    return {
+        "kind": "curves",
+        **origin(seed_of(case)),
+        "system": case.system,
+        "case": case.name,
+        "title": case.title,
+        "duration": case.duration,
+        "disturbances": disturbances,
+        "laws": laws,
+        "panels": [_panel_document(panel, results) for panel in panels_of(results)],
+    }
+
+
+def _panel_document(panel: Panel, results: Sequence[RunResult]) -> dict[str, Any]:
+    """Return one panel as plain values."""
+    reference = None
+    if panel.reference is not None:
+        reference = _drawn(results[0].comparison.time, panel.reference)
+    limits = []
+    for limit in dict.fromkeys(item.requirement for item in judged_in(panel, results)):
+        for time, values in levels_of(limit, panel):
+            limits.append({"words": limit.words, **_drawn(time, values)})
+    return {
+        "label": panel.label.replace("\n", " "),
+        "curves": [_curve_document(curve) for curve in panel.curves],
+        "reference": reference,
+        "limits": limits,
+        "play": panel.play,
+    }
+
+
+def _curve_document(curve: Curve) -> dict[str, Any]:
+    """Return the finite values of one curve as plain values."""
+    document: dict[str, Any] = {
+        "law": curve.run.controller.name,
+        "plant": curve.run.plant,
+        "name": curve.name,
+    }
+    finite = np.isfinite(curve.values)
+    time = curve.time[finite]
+    values = curve.values[finite]
+    if not jumps(values):
+        needed = _needed_points(time, values)
+        if needed.sum() <= _MOST_POINTS:
+            return {**document, **_points(time[needed], values[needed]), "range": None}
+    band = envelope(time, values)
+    limits = [_short(band.least), _short(band.largest)]
+    return {**document, **_points(band.time, band.mean), "range": limits}
+
+
+def _drawn(time: Array, values: Array) -> dict[str, list[float]]:
+    """Return the points of a curve without those on a line between their neighbours."""
+    needed = _needed_points(time, values)
+    return _points(time[needed], values[needed])
+
+
+def _points(time: Array, values: Array) -> dict[str, list[float]]:
+    """Return the points of a curve, in short numbers."""
+    return {"t": _short(time), "y": _short(values)}
+
+
+def _needed_points(time: Array, values: Array) -> NDArray[np.bool_]:
+    """Select points of a curve by the algorithm of Ramer, Douglas and Peucker, along y.
+
+    Between two of them no value is further from their line than a small share of the range.
+    """
+    needed = np.zeros(len(values), bool)
+    if len(values) == 0:
+        return needed
+    needed[0] = True
+    needed[-1] = True
+    allowed = _OFF * float(np.ptp(values))
+
+    parts = [(0, len(values) - 1)]
+    while parts:
+        first, last = parts.pop()
+        if last - first < 2:
+            continue
+        inner = slice(first + 1, last)
+        slope = (values[last] - values[first]) / (time[last] - time[first])
+        distances = np.abs(values[inner] - values[first] - slope * (time[inner] - time[first]))
+        worst = int(distances.argmax())
+        if distances[worst] > allowed:
+            split = first + 1 + worst
+            needed[split] = True
+            parts.append((first, split))
+            parts.append((split, last))
+    return needed
+
+
+def _short(values: Array) -> list[float]:
+    """Return numbers with seven digits."""
+    return [float(f"{value:.7g}") for value in values.tolist()]

@@ -1,0 +1,140 @@
+"""One-line notes beside the verdict of an experiment: ideals, loads, weights."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from grosmc_mj.experiments.assumptions.growth import growth
+from grosmc_mj.experiments.assumptions.loads import idle_loads
+from grosmc_mj.experiments.assumptions.matching import unmatched
+from grosmc_mj.experiments.experiment import Experiment, RunResult
+from grosmc_mj.experiments.requirements.judging import unfailing
+from grosmc_mj.experiments.weights import weights_in_words
+from grosmc_mj.ground.errors import name_list
+from grosmc_mj.mechanics.physics.dry_friction import creeping_joints
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.disturbances import OutputDisturbance
+from grosmc_mj.theory.plants import Plant
+
+
+def notes_on(experiment: Experiment, results: Sequence[RunResult]) -> list[str]:
+    """Return the notes on an experiment's runs, the weightiest first.
+
+    The loads are looked at on the truest plant that was run.
+
+    Args:
+        experiment: The experiment.
+        results: Its runs.
+    """
+    truest = max(experiment.plant_names, key=experiment.nominal.names.index)
+    on_truest = [result for result in results if result.plant == truest]
+
+    notes = list(experiment.not_judged)
+    notes += idle_loads(on_truest)
+    notes += _unmeasured(experiment)
+    notes += growth(experiment, [result.controller for result in on_truest])
+    notes += unmatched(experiment, on_truest)
+    notes += unfailing(experiment.limits, results)
+    notes += _names_left_out(experiment, on_truest)
+    notes += _weights_by_order(experiment, on_truest)
+    notes += notes_on_plant(experiment, experiment.plant(experiment.nominal.truest))
+    if experiment.nominal.robot is not None:
+        notes += experiment.nominal.robot.notes
+    return notes
+
+
+def notes_on_plant(experiment: Experiment, plant: Plant) -> list[str]:
+    """Return a line on rates that are known exactly, and one on dry friction that creeps.
+
+    Args:
+        experiment: The experiment, with its loop.
+        plant: Its truest plant.
+    """
+    return [*_exact_rates(experiment), *_creeping_friction(plant)]
+
+
+def _unmeasured(experiment: Experiment) -> Iterator[str]:
+    """Yield a line on each disturbance of a measurement that the loop does not make."""
+    loop = experiment.loop
+    if loop is None:
+        return
+
+    measured = {sensor.of for sensor in loop.sensors}
+    estimated: set[str] = set()
+    for part in loop.completed(experiment.nominal.system).estimators:
+        estimated.update(part.of)
+    for disturbance in experiment.disturbances:
+        of = disturbance.of
+        of_measurement = isinstance(disturbance, OutputDisturbance)
+        if of_measurement and of in estimated and of not in measured:
+            yield f"the disturbance of measured {of} does nothing: {of} is estimated, not measured"
+
+
+def _exact_rates(experiment: Experiment) -> Iterator[str]:
+    """Yield a line on the rates that the loop knows exactly beside measured positions."""
+    loop = experiment.loop
+    exact = loop.exact_rates(experiment.nominal.system) if loop is not None else []
+    if exact:
+        verb = "is" if len(exact) == 1 else "are"
+        yield f"ideal: {', '.join(exact)} {verb} known exactly"
+
+
+def _creeping_friction(plant: Plant) -> Iterator[str]:
+    """Yield a line on the joints of a model whose own dry friction does not hold."""
+    if not isinstance(plant, MujocoPlant):
+        return
+    creeping = creeping_joints(plant.model)
+    if not creeping:
+        return
+
+    joint, distance = max(creeping.items(), key=lambda item: item[1])
+    units = {
+        name: position.unit
+        for name, position in zip(plant.system.joints, plant.system.positions, strict=True)
+    }
+    # A joint that is no coordinate of the system has no unit there.
+    unit = units.get(joint, "")
+    yield (
+        f"the model's own dry friction of {name_list(creeping)} does not hold: under half of it "
+        f"{joint} creeps by {distance:.2g} {unit} in 10 s; set it by an [[edit]] with friction, "
+        "which holds"
+    )
+
+
+def _names_left_out(experiment: Experiment, results: Sequence[RunResult]) -> Iterator[str]:
+    """Yield a line for the names that a Q by name leaves out."""
+    laws: dict[str, list[str]] = {}
+    for result in results:
+        law = result.controller
+        Q = _weight(experiment, law.name, "Q")
+        if law.design is None or not isinstance(Q, dict):
+            continue
+        left_out = [name for name in law.design.error.names if name not in Q]
+        if left_out:
+            laws.setdefault(name_list(left_out), []).append(law.name)
+    for names, of_laws in laws.items():
+        yield f"Q of {', '.join(of_laws)} leaves out {names}: weight 0"
+
+
+def _weight(experiment: Experiment, law: str, key: str) -> Any:
+    """Return Q or R of a law as the file has it."""
+    numbers = experiment.file.law(law).numbers
+    return numbers.get(key, getattr(experiment.file.task, key))
+
+
+def _weights_by_order(experiment: Experiment, results: Sequence[RunResult]) -> Iterator[str]:
+    """Yield the weights of a robot's laws by name where the file gives them in a list.
+
+    Nobody but the model knows in which order its joints are.
+    """
+    if experiment.nominal.robot is None:
+        return
+    laws: dict[str, list[str]] = {}
+    for result in results:
+        law = result.controller
+        weights = [_weight(experiment, law.name, key) for key in ("Q", "R")]
+        if law.design is not None and any(isinstance(weight, list) for weight in weights):
+            laws.setdefault(weights_in_words(law.design), []).append(law.name)
+    for words, names in laws.items():
+        yield f"weights of {', '.join(names)}, by the order of the list: {words}"

@@ -1,0 +1,3 @@
+from . import errors
+
+__all__ = ["errors"]

@@ -1,0 +1,3 @@
+from . import machine, physics, robots
+
+__all__ = ["machine", "physics", "robots"]

@@ -1,0 +1,173 @@
+"""A robot from its MJCF alone: MuJoCo's own dynamics as the nominal model of the laws."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from typing import Any
+
+import mujoco
+from numpy.typing import ArrayLike
+
+from grosmc_mj.ground.errors import ModelError
+from grosmc_mj.mechanics.physics.files import body_names, compile_spec, joint_names
+from grosmc_mj.mechanics.physics.hooks import warnings_ignored
+from grosmc_mj.mechanics.physics.mujoco_plant import Integrator, MujocoPlant
+from grosmc_mj.mechanics.robots.actuators import joint_unit
+from grosmc_mj.mechanics.robots.coordinates import RobotCoordinates
+from grosmc_mj.mechanics.robots.dynamics import InWorkspace, nominal_model
+from grosmc_mj.mechanics.robots.model import robot_specs
+from grosmc_mj.theory.control.references import ReferenceFunction
+from grosmc_mj.theory.control.task import Task
+from grosmc_mj.theory.plants import AnalyticPlant, Signal, System
+
+_SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A tree of n hinges and slides, all or some of which have a torque of their own.
+
+    Serial arms are such trees; branches do no harm, loops are refused. One with fewer torques than
+    joints is underactuated: its laws are designed for its linearization, with a ``state_task``.
+
+    Attributes:
+        plant: The nominal robot in MuJoCo; ``plant.changed(...)`` makes the true one. The state
+            is q, then q'; the inputs are torques at the driven joints, in the order of the joints.
+        notes: Changes of the model that was read and their reasons, in sentences.
+        built: The robot as it is built, with effects that laws do not know of: lags, delays and
+            couplings of joints; ``plant`` itself without such effects.
+        gears: Of each motor of the model that was read, the torque for a command of 1.
+    """
+
+    plant: MujocoPlant
+    notes: tuple[str, ...]
+    built: MujocoPlant
+    gears: tuple[tuple[str, float], ...] = ()
+
+    @classmethod
+    def from_mjcf(
+        cls,
+        model: Any,
+        joints: Iterable[str] | None = None,
+        actuators: Iterable[str] | None = None,
+        timestep: float | None = None,
+        integrator: Integrator | None = None,
+    ) -> Robot:
+        """Read a robot.
+
+        Motors on joints are taken with their gear and limits; servos are replaced by torque control
+        within their force range. Lags, delays and coupled joints are the plant's, see ``built``,
+        and no law's. Anything else that drives a joint, or closes a loop, is refused.
+
+        Args:
+            model: A path, XML text, an MjSpec, or an MJCF element of dm_control.
+            joints: The joints to move, in any order; all others are locked where the model has
+                them. All by default.
+            actuators: The actuators to use; all others are left out. All by default.
+            timestep: Physics timestep [s]; None for the model's own.
+            integrator: MuJoCo's integrator; None for the model's own.
+
+        Raises:
+            ModelError: If the model is no such robot, with the reason and what to do.
+        """
+        with warnings_ignored():
+            spec, built, notes, gears = robot_specs(model, joints, actuators)
+        plant = MujocoPlant(_system(spec), spec, (), timestep, integrator)
+        built_plant = plant if built is None else replace(plant, spec=built)
+        return cls(plant, tuple(notes), built_plant, tuple(gears.items()))
+
+    @property
+    def joints(self) -> int:
+        """n, the number of joints."""
+        return self.plant.system.degrees_of_freedom
+
+    @property
+    def underactuated(self) -> bool:
+        """True if a joint has no torque of its own."""
+        return len(self.plant.system.inputs) < self.joints
+
+    @cached_property
+    def nominal(self) -> mujoco.MjModel:
+        """The model of the dynamics that the laws know."""
+        return nominal_model(self.plant.spec)
+
+    def task(
+        self,
+        reference: ReferenceFunction,
+        parameters: Any,
+        Q: ArrayLike,
+        R: ArrayLike,
+    ) -> Task:
+        """Task that ``tracking_grosmc`` and ``computed_torque_pd`` design for.
+
+        Args:
+            reference: y_r(t) of every joint with two derivatives, joint by joint.
+            parameters: Its parameters.
+            Q: Weight of z = [e_1, e_1', e_2, ...], (2 n, 2 n).
+            R: Weight of v, the accelerations, (n, n) or a number.
+
+        Raises:
+            ModelError: If it is underactuated.
+        """
+        system = self.plant.system
+        if self.underactuated:
+            raise ModelError(
+                f"{system.name} has {len(system.inputs)} torques for {self.joints} joints, so its "
+                "joints cannot all be led: take a state_task"
+            )
+        nominal = AnalyticPlant(system, InWorkspace())
+        return Task(nominal, self.coordinates(reference), parameters, Q, R)
+
+    def coordinates(self, reference: ReferenceFunction) -> RobotCoordinates:
+        """Errors of all joints from a reference."""
+        return _coordinates(self, reference)
+
+
+# Made once for a reference, so that its laws are compiled once.
+@cache
+def _coordinates(robot: Robot, reference: ReferenceFunction) -> RobotCoordinates:
+    """Errors of all joints from a reference."""
+    return RobotCoordinates(robot.plant.system, reference, model=robot.nominal)
+
+
+def _system(spec: mujoco.MjSpec) -> System:
+    """Read names and signals of a robot from its model."""
+    model = compile_spec(spec)
+    name = spec.modelname or "robot"
+    joints = joint_names(model)
+    actuators = tuple(model.actuator(i).name for i in range(model.nu))
+    # Index of the joint of each actuator.
+    driven = tuple(int(row[0]) for row in model.actuator_trnid)
+    undriven = tuple(i for i in range(model.njnt) if i not in driven)
+
+    positions: list[Signal] = []
+    rates: list[Signal] = []
+    for index, joint in enumerate(joints):
+        number = _subscript(index + 1)
+        unit = "m" if joint_unit(model, index) == "N" else "rad"
+        positions.append(Signal(joint, f"q{number}", unit))
+        rates.append(Signal(f"{joint} rate", f"q̇{number}", f"{unit}/s"))
+
+    inputs: list[Signal] = []
+    for actuator, index in zip(actuators, driven, strict=True):
+        inputs.append(Signal(actuator, f"τ{_subscript(index + 1)}", joint_unit(model, index)))
+
+    return System(
+        name=name,
+        title=name,
+        states=(*positions, *rates),
+        inputs=tuple(inputs),
+        equations=None,
+        # A law has to hold the joints without an actuator through the others.
+        controlled=undriven or driven,
+        joints=joints,
+        actuators=actuators,
+        bodies=body_names(model),
+    )
+
+
+def _subscript(number: int) -> str:
+    """A number in subscript digits."""
+    return str(number).translate(_SUBSCRIPTS)

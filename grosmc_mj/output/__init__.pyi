@@ -1,0 +1,3 @@
+from . import films, results
+
+__all__ = ["films", "results"]

@@ -1,0 +1,234 @@
+"""Verdicts on laws, in sentences and tables: of each system, of each case and of studies."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+from grosmc_mj.output.page.reading import CurvePanel, Curves, Document
+from grosmc_mj.output.results.palette import label_of
+from grosmc_mj.output.results.result import VERDICTS, Answer, Result, StudyVerdict
+from grosmc_mj.output.results.tables import Column, Table, number, phrases, table, verdicts
+
+# Kinds of results whose verdicts are those of single runs.
+_OF_RUNS = ("run", "validation")
+MARKS = {"kept": "✓", "not kept": "✗", "measured": "•", "not decided": "?"}
+
+# Verdict on each law in each case.
+Cases = Mapping[str, Mapping[str, StudyVerdict]]
+
+
+class Story(NamedTuple):
+    """The case of a system that tells most about its laws.
+
+    Attributes:
+        sentence: What came out.
+        curves: The curves of the case.
+        panel: The quantity in which the laws differ most.
+    """
+
+    sentence: str
+    curves: Curves
+    panel: CurvePanel
+
+
+def required_verdicts(documents: Iterable[Document]) -> Cases:
+    """Return the newest verdicts of runs that requirements decide, by case and law."""
+    cases: dict[str, dict[str, StudyVerdict]] = {}
+    for document in documents:
+        if isinstance(document.content, Result) and document.kind in _OF_RUNS:
+            for verdict in document.content.standings:
+                if verdict.required:
+                    cases.setdefault(verdict.case, {})[verdict.law] = verdict
+    return dict(sorted(cases.items()))
+
+
+# -- tables --------------------------------------------------------------------------------------
+
+
+def systems_table(cases: Cases) -> Table:
+    """Return the table of laws by systems: in how many cases a law keeps everything, and how."""
+    verdicts_of: dict[str, dict[str, list[StudyVerdict]]] = {}
+    systems: dict[str, None] = {}
+    for case, laws in cases.items():
+        system = _system_of(case)
+        systems[system] = None
+        for law, verdict in laws.items():
+            on_systems = verdicts_of.setdefault(label_of(law), {})
+            on_systems.setdefault(system, []).append(verdict)
+
+    rows = []
+    for label, on_systems in verdicts_of.items():
+        cells = [_system_cell(on_systems.get(system, [])) for system in systems]
+        rows.append([label, *cells])
+    return table("", [*phrases("law"), *_verdict_columns(systems)], rows)
+
+
+def _system_cell(cases: Sequence[StudyVerdict]) -> str:
+    """Write in how many cases a law keeps everything, and the requirement that decides."""
+    if not cases:
+        return ""
+    worst = max(cases, key=_severity)
+    words = _verdict_words(worst)
+    if len(cases) == 1:
+        return f"{words} ({worst.case.partition('/')[2] or worst.case})"
+
+    kept = sum(not verdict.breaks_at for verdict in cases)
+    case = worst.case.partition("/")[2]
+    return f"{words} ({case}); {kept} of {len(cases)} cases kept"
+
+
+def cases_table(cases: Cases) -> Table:
+    """Return the table of laws by cases that a system's cells summarize."""
+    rows = []
+    for case, laws in cases.items():
+        for law, verdict in laws.items():
+            rows.append([case, label_of(law), _verdict_words(verdict)])
+    return table("", [*phrases("case", "law"), *_verdict_columns(["requirement"])], rows)
+
+
+def studies_table(results: Iterable[Document]) -> Table:
+    """Return the table of where each law of a study breaks first."""
+    rows = []
+    for document in results:
+        if isinstance(document.content, Result) and document.kind not in _OF_RUNS:
+            for verdict in document.content.standings:
+                study = f"{verdict.case}, {document.kind}"
+                place = f"{_mark(verdict)} {_breaking_words(verdict)}"
+                rows.append([study, label_of(verdict.law), place, verdict.words])
+    columns = [*phrases("study", "law"), *_verdict_columns(["breaks at"]), *phrases("number")]
+    return table("", columns, rows)
+
+
+def answers_table(answers: Iterable[Answer]) -> Table:
+    """Return the table of answers, those that are not kept first."""
+    rows = []
+    for answer in sorted(answers, key=lambda answer: VERDICTS.index(answer.verdict)):
+        words = ". ".join(filter(None, (answer.words.rstrip("."), answer.more)))
+        rows.append([answer.question, f"{MARKS[answer.verdict]} {answer.verdict}", words])
+    columns = [*phrases("question"), *_verdict_columns(["verdict"]), *phrases("answer")]
+    return table("", columns, rows)
+
+
+def _verdict_columns(headers: Iterable[str]) -> list[Column]:
+    return [column for header in headers for column in verdicts(header)]
+
+
+def _system_of(case: str) -> str:
+    return case.partition("/")[0]
+
+
+def _severity(verdict: StudyVerdict) -> tuple[bool, float]:
+    """Return a key by which verdicts are sorted: the worst is the largest."""
+    share = math.inf if verdict.share is None else verdict.share
+    return bool(verdict.breaks_at), share
+
+
+def _mark(verdict: StudyVerdict) -> str:
+    if verdict.breaks_at:
+        return MARKS["not kept"]
+    return MARKS["kept"] if verdict.complete else MARKS["not decided"]
+
+
+def _verdict_words(verdict: StudyVerdict) -> str:
+    return f"{_mark(verdict)} {verdict.words}"
+
+
+def _breaking_words(verdict: StudyVerdict) -> str:
+    if verdict.breaks_at:
+        return verdict.breaks_at
+    return "nowhere" if verdict.complete else "nowhere so far"
+
+
+# -- the first screen ----------------------------------------------------------------------------
+
+
+def stories(newest: Mapping[tuple[str, str], Curves], cases: Cases) -> list[Story]:
+    """Return for each system the case that tells most about its laws.
+
+    Args:
+        newest: Newest curves by system and case.
+        cases: Verdicts on the laws.
+    """
+    best: dict[str, tuple[tuple[int, float], Story]] = {}
+    for (system, name), curves in sorted(newest.items()):
+        verdicts_of = cases.get(f"{system}/{name}", {})
+        panel, ratio = _telling_panel(curves, verdicts_of)
+        broken = sum(bool(verdict.breaks_at) for verdict in verdicts_of.values())
+        telling = 2 if 0 < broken < len(verdicts_of) else int(bool(verdicts_of))
+        rank = (telling, ratio)
+        if system not in best or rank > best[system][0]:
+            best[system] = rank, Story(_sentence(panel, verdicts_of), curves, panel)
+    return [story for _, story in best.values()]
+
+
+def _telling_panel(
+    curves: Curves, verdicts_of: Mapping[str, StudyVerdict]
+) -> tuple[CurvePanel, float]:
+    """Return the panel to show of a case, and the ratio of the largest curve to the smallest.
+
+    It is that of a requirement that is not kept, else that in which laws differ most.
+    """
+    ratios = []
+    for panel in curves.panels:
+        sizes = [size for size in largest_values(panel).values() if size > 0]
+        ratio = max(sizes) / min(sizes) if len(sizes) > 1 else 1.0
+        words = [limit.words for limit in panel.limits]
+        for verdict in verdicts_of.values():
+            if verdict.breaks_at and any(verdict.words.startswith(limit) for limit in words):
+                return panel, ratio
+        ratios.append(ratio)
+    most = max(range(len(ratios)), key=ratios.__getitem__)
+    return curves.panels[most], ratios[most]
+
+
+def largest_values(panel: CurvePanel) -> dict[str, float]:
+    """Return the largest magnitude of each law's curve on the first plant that has curves."""
+    plant = main_plant(panel)
+    sizes: dict[str, float] = {}
+    for curve in panel.curves:
+        if curve.plant == plant and curve.y:
+            values = curve.y
+            if curve.range is not None:
+                values = [*curve.range[0], *curve.range[1]]
+            sizes[curve.law] = max(abs(value) for value in values)
+    return sizes
+
+
+def main_plant(panel: CurvePanel) -> str:
+    """Return the plant that judges: MuJoCo, or else the last one."""
+    plants = [curve.plant for curve in panel.curves]
+    return "physics" if "physics" in plants else plants[-1] if plants else ""
+
+
+def _sentence(panel: CurvePanel, verdicts_of: Mapping[str, StudyVerdict]) -> str:
+    """Say which laws keep the requirements of a case, or else how far the laws are apart."""
+    kept = [law for law, verdict in verdicts_of.items() if not verdict.breaks_at]
+    broken = [law for law, verdict in verdicts_of.items() if verdict.breaks_at]
+    if broken:
+        worst = max(broken, key=lambda law: _severity(verdicts_of[law]))
+        words = f"{label_of(worst)} breaks a requirement ({verdicts_of[worst].words})"
+        if len(broken) > 1:
+            words += f", and so do {len(broken) - 1} more"
+        return f"{words}; {_laws_words(kept) or 'no law'} keeps everything."
+
+    sizes = largest_values(panel)
+    if not sizes:
+        return f"{_laws_words(kept) or 'No law'} keeps everything; there are no curves."
+
+    words = f"{_laws_words(kept)} keeps everything; " if kept else ""
+    least = min(sizes, key=sizes.__getitem__)
+    most = max(sizes, key=sizes.__getitem__)
+    name, _, unit = panel.label.rstrip("]").rpartition(" [")
+    words += f"largest {name}: {number(sizes[least])} {unit} under {label_of(least)}"
+    if most != least:
+        words += f", {number(sizes[most])} {unit} under {label_of(most)}"
+    return f"{words[0].upper()}{words[1:]}."
+
+
+def _laws_words(laws: Sequence[str]) -> str:
+    """Name a single law; of several, write how many they are."""
+    if len(laws) == 1:
+        return label_of(laws[0])
+    return f"each of {len(laws)} laws" if laws else ""

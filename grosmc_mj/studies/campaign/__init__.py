@@ -1,0 +1,1 @@
+"""Campaigns: thousands of uncertain plants, stored in parts, and what they show of each law."""

@@ -1,0 +1,216 @@
+"""Scatter of kept and failed plants over two uncertain numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.output.results.charts import write_panels
+from grosmc_mj.output.results.figure import figure_written, in_lines
+from grosmc_mj.output.results.palette import BLACK, SKY, VERMILION, law_styles
+from grosmc_mj.studies.campaign.campaign import Campaign
+from grosmc_mj.studies.campaign.findings import Findings
+from grosmc_mj.studies.campaign.radius import Radius, chart
+from grosmc_mj.studies.campaign.store import Folder
+from grosmc_mj.studies.sweep.quantities import Quantity
+
+# Inches: a panel, the legend beside the panels, the texts above and below them.
+_PANEL = (4.4, 4.1)
+_LEGEND = 1.6
+_TEXTS = 1.0
+# Plants that a map shows.
+_MOST_PLANTS = 4096
+
+
+class Mark(NamedTuple):
+    """Colour and marker of an outcome."""
+
+    colour: str
+    marker: str
+
+
+# The later ones lie above.
+_MARKS: Mapping[str, Mark] = {
+    "kept": Mark(SKY, "o"),
+    "failed": Mark(VERMILION, "X"),
+    "did not complete": Mark(BLACK, "^"),
+}
+
+
+class PassMap(NamedTuple):
+    """Kept and failed plants over two uncertain numbers, as they are run.
+
+    Attributes:
+        titles: Of both axes, with units.
+        runs: Of each law: both numbers in the units of the titles and the signed margin, (n,) each.
+    """
+
+    titles: tuple[str, str]
+    runs: Mapping[str, tuple[Array, Array, Array]]
+
+
+def write_figures(
+    campaign: Campaign,
+    folder: Folder,
+    findings: Findings,
+    reached: Sequence[Radius],
+    axes: Sequence[str] = (),
+) -> list[Path]:
+    """Write each figure that there is something for, as PNG and SVG; returns the PNGs.
+
+    Args:
+        campaign: The campaign.
+        folder: Where it is kept.
+        findings: What its runs say.
+        reached: How far the uncertainty may grow; empty if nobody looked.
+        axes: Names of the two numbers of the map; empty for those that drive margins most.
+    """
+    title = campaign.experiment.title
+    files = list[Path]()
+
+    numbers = map_axes(campaign, findings, axes)
+    if numbers is not None:
+        shown = pass_map_of(campaign, folder, numbers)
+        plants = len(next(iter(shown.runs.values()))[0])
+        sampled = findings.sampled._replace(runs=plants)
+        words = f"{title}: all requirements ({sampled.words})"
+        path = folder.path / "map.png"
+        files.append(write_pass_map(path, shown, words, findings.sampled.footnote))
+
+    if reached:
+        plants = max(search.plants for search in reached)
+        words = f"{title}: scale of the uncertainty ({plants} plants at each)"
+        charts = [chart(search) for search in reached]
+        files.append(write_panels(folder.path / "radius.png", words, [charts]))
+    return files
+
+
+def map_axes(
+    campaign: Campaign, findings: Findings, names: Sequence[str] = ()
+) -> tuple[Quantity, Quantity] | None:
+    """The two numbers of the map: the named ones, or those that drive margins most.
+
+    None where only one number is uncertain, or nothing is required of any law.
+    """
+    by_name = {number.name: number for number in campaign.family.quantities}
+    if not campaign.judged or len(by_name) < 2:
+        return None
+    if names:
+        first, second = names
+        return by_name[first], by_name[second]
+
+    # The largest share of a margin that a number explains under any law.
+    shares = dict.fromkeys(by_name, 0.0)
+    for drivers in findings.sensitivities.values():
+        for driver in drivers:
+            shares[driver.parameter] = max(shares[driver.parameter], driver.share or 0.0)
+    strongest = sorted(by_name, key=lambda name: -shares[name])[:2]
+    # In the order of the file.
+    first, second = (number for name, number in by_name.items() if name in strongest)
+    return first, second
+
+
+def pass_map_of(campaign: Campaign, folder: Folder, axes: tuple[Quantity, Quantity]) -> PassMap:
+    """The map of a campaign's first plants."""
+    specification = campaign.specification
+    shards = range(min(specification.shards, -(-_MOST_PLANTS // specification.shard)))
+    first, second = axes
+    columns = folder.columns(campaign, [first.name, second.name, "relative"], shards)
+    runs = {}
+    for law in campaign.judged:
+        x = _in_shown_unit(campaign, first, columns[law])
+        y = _in_shown_unit(campaign, second, columns[law])
+        runs[law] = (x, y, columns[law]["relative"])
+    return PassMap((_title(first), _title(second)), runs)
+
+
+def _in_shown_unit(campaign: Campaign, axis: Quantity, columns: Mapping[str, Array]) -> Array:
+    """A number of each plant as it is run, in the unit that people read, (n,)."""
+    _, factor = axis.shown_unit
+    return campaign.as_run(axis, columns[axis.name]) * factor
+
+
+def _title(axis: Quantity) -> str:
+    """Name and unit of a number, 1 for a factor."""
+    unit, _ = axis.shown_unit
+    return f"{axis.name} [{unit or '1'}]"
+
+
+def write_pass_map(
+    path: Path,
+    shown: PassMap,
+    title: str,
+    footnote: str,
+) -> Path:
+    """Draw a panel for each law, with a mark for each plant."""
+    styles = law_styles(shown.runs)
+    across, up = shown.titles
+    width = _PANEL[0] * len(shown.runs)
+    with figure_written(path, (width + _LEGEND, _PANEL[1] + _TEXTS)) as figure:
+        figure.suptitle(in_lines(title, round(9 * width)), fontsize=13)
+        figure.supxlabel(in_lines(footnote, round(16 * width)), fontsize=8.5)
+        (panels,) = figure.subplots(1, len(shown.runs), squeeze=False, sharex=True, sharey=True)
+        for panel, law in zip(panels, shown.runs, strict=True):
+            x, y, margins = shown.runs[law]
+            _draw_plants(panel, x, y, margins)
+            kept = np.count_nonzero(margins >= 0)
+            panel.set_title(in_lines(f"{styles[law].label}: {kept} of {len(margins)} kept"))
+            panel.set_xlabel(across)
+        panels[0].set_ylabel(up)
+
+        margins_of_all = np.concatenate([margins for _, _, margins in shown.runs.values()])
+        figure.legend(handles=_legend(margins_of_all), loc="outside right upper", frameon=False)
+    return path
+
+
+def _outcomes(margins: Array) -> dict[str, NDArray[np.bool_]]:
+    """Plants of each outcome, (n,); a run that did not complete has a margin of -inf."""
+    ended_early = margins == -np.inf
+    return {
+        "kept": margins >= 0,
+        "failed": (margins < 0) & ~ended_early,
+        "did not complete": ended_early,
+    }
+
+
+def _draw_plants(
+    panel: Axes,
+    x: Array,
+    y: Array,
+    margins: Array,
+) -> None:
+    """A mark for each plant, smaller the more there are."""
+    size = float(np.clip(16000 / len(margins), 3, 40))
+    for above, (outcome, plants) in enumerate(_outcomes(margins).items()):
+        mark = _MARKS[outcome]
+        panel.scatter(
+            x[plants],
+            y[plants],
+            # Crosses and triangles look smaller than circles.
+            s=size if mark.marker == "o" else 1.4 * size,
+            c=mark.colour,
+            marker=mark.marker,
+            linewidths=0,
+            zorder=2 + 0.1 * above,
+            rasterized=True,
+            label=outcome,
+        )
+    panel.margins(0.02)
+
+
+def _legend(margins: Array) -> list[Line2D]:
+    """An entry for each outcome that some plant has."""
+    entries = []
+    for outcome, plants in _outcomes(margins).items():
+        if plants.any():
+            colour, marker = _MARKS[outcome]
+            entry = Line2D([], [], ls="", marker=marker, color=colour, mew=0, ms=6, label=outcome)
+            entries.append(entry)
+    return entries

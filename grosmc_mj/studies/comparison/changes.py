@@ -1,0 +1,212 @@
+"""Changes between the values of two sets of results, and which of them are more than noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from enum import Enum
+from typing import NamedTuple
+
+from grosmc_mj.ground.versions import DECISIVE
+from grosmc_mj.output.page.reading import Document
+from grosmc_mj.output.results.result import Result, Value
+
+# Note on a value that the new results do not have.
+GONE = "gone"
+# Changes by rounding on one machine: relative, and absolute in the unit of the value.
+_ROUNDING = (1e-6, 1e-9)
+# Words that are better, or worse, than any other.
+_GOOD = ("kept", "completed", "as recorded", "as expected", "agree", "holds")
+_BAD = ("not kept", "diverged", "not as recorded", "not as expected", "disagree", "fails")
+# Kinds of results that no seed changes.
+_SEEDLESS = ("validation", "claims")
+
+
+class Effect(Enum):
+    """Effect of a change.
+
+    A value that is gone is ``WORSE``. ``UNJUDGED`` is a change between single runs with other
+    seeds: they do not show how much such runs scatter.
+    """
+
+    WORSE = "worse"
+    BETTER = "better"
+    CHANGED = "changed"
+    UNJUDGED = "not judged"
+    NOISE = "noise"
+    NEW = "new"
+
+
+class Change(NamedTuple):
+    """A value that has changed.
+
+    Attributes:
+        kind: Kind of result.
+        name: Name of the value.
+        before: Old value; None for none.
+        after: New value; None for none.
+        effect: Effect of the change.
+        unit: Unit of both.
+        note: What the effect was judged by.
+    """
+
+    kind: str
+    name: str
+    before: float | str | None
+    after: float | str | None
+    effect: Effect
+    unit: str = ""
+    note: str = ""
+
+    @property
+    def order(self) -> tuple[int, float, str, str]:
+        """Key to sort by: the worst effects first and, of these, the largest relative changes."""
+        before, after = self.before, self.after
+        relative = math.inf
+        if isinstance(before, float | int) and isinstance(after, float | int) and before != 0:
+            relative = abs(after / before - 1)
+        return list(Effect).index(self.effect), -relative, self.kind, self.name
+
+
+class _Conditions(NamedTuple):
+    """Conditions that two sets of results of one kind were made under.
+
+    Attributes:
+        one_machine: Whether machine and decisive versions are the same: runs repeat to rounding.
+        other_seeds: Whether the runs drew other random numbers: single runs cannot be compared.
+    """
+
+    one_machine: bool
+    other_seeds: bool
+
+
+def changes(old: Sequence[Document], new: Sequence[Document]) -> tuple[list[Change], int]:
+    """Return the changed values, and the number of values that both sides have."""
+    before = _values(old)
+    after = _values(new)
+    before = _renamed(before, after)
+    shared = before.keys() & after.keys()
+
+    changed = []
+    for kind, name in before.keys() | after.keys():
+        old_value = before.get((kind, name))
+        new_value = after.get((kind, name))
+        if old_value is None:
+            assert new_value is not None
+            effect = Effect.NEW
+            changed.append(Change(kind, name, None, new_value.value, effect, new_value.unit))
+        elif new_value is None:
+            effect = Effect.WORSE
+            changed.append(Change(kind, name, old_value.value, None, effect, old_value.unit, GONE))
+        elif old_value.value != new_value.value:
+            conditions = _conditions(kind, old, new)
+            changed.append(_judged(kind, old_value, new_value, conditions))
+    return changed, len(shared)
+
+
+def _values(documents: Sequence[Document]) -> dict[tuple[str, str], Value]:
+    """Return values by kind of result and name; a newer value replaces an older one."""
+    values: dict[tuple[str, str], Value] = {}
+    for document in documents:
+        if isinstance(document.content, Result):
+            for value in document.content.values:
+                values[document.kind, value.name] = value
+    return values
+
+
+def _renamed(
+    before: dict[tuple[str, str], Value], after: dict[tuple[str, str], Value]
+) -> dict[tuple[str, str], Value]:
+    """Return the old values under the new name of their subject, where it is the only other one.
+
+    A subject, such as ``servo/case1``, is the first word of a value's name. A case that is copied
+    to another file, or a campaign to another folder, is still the same.
+    """
+    old_subjects = _subjects(before)
+    new_subjects = _subjects(after)
+    renamed: dict[tuple[str, str], Value] = {}
+    for (kind, name), value in before.items():
+        subject, space, rest = name.partition(" ")
+        gone = old_subjects[kind] - new_subjects.get(kind, set())
+        added = new_subjects.get(kind, set()) - old_subjects[kind]
+        if gone == {subject} and len(added) == 1:
+            (subject,) = added
+        renamed[kind, subject + space + rest] = value
+    return renamed
+
+
+def _subjects(values: Iterable[tuple[str, str]]) -> dict[str, set[str]]:
+    """Return the subjects of values by the kind of their results."""
+    subjects: dict[str, set[str]] = {}
+    for kind, name in values:
+        subjects.setdefault(kind, set()).add(name.partition(" ")[0])
+    return subjects
+
+
+def _conditions(kind: str, old: Sequence[Document], new: Sequence[Document]) -> _Conditions:
+    """Return the conditions that the results of a kind were made under."""
+    before = [document.content for document in old if document.kind == kind]
+    after = [document.content for document in new if document.kind == kind]
+
+    machines = {content.machine for content in before + after}
+    versions = {tuple(map(content.versions.get, DECISIVE)) for content in before + after}
+    # A result without a machine may come from any.
+    one_machine = len(machines) == 1 and all(machines) and len(versions) == 1
+
+    old_seeds = {content.seed for content in before}
+    new_seeds = {content.seed for content in after}
+    other_seeds = kind not in _SEEDLESS and old_seeds != new_seeds
+    return _Conditions(one_machine, other_seeds)
+
+
+def _judged(
+    kind: str,
+    old: Value,
+    new: Value,
+    conditions: _Conditions,
+) -> Change:
+    """Return the change of a value with its effect."""
+    effect, note = _effect(old, new, conditions)
+    return Change(kind, new.name, old.value, new.value, effect, new.unit, note)
+
+
+def _effect(old: Value, new: Value, conditions: _Conditions) -> tuple[Effect, str]:
+    """Return the effect of a change, and what it was judged by."""
+    before = old.value
+    after = new.value
+    if after is None:
+        return Effect.WORSE, GONE
+    if conditions.other_seeds:
+        return Effect.UNJUDGED, "single runs of other seeds"
+    if isinstance(before, str) and isinstance(after, str):
+        return effect_of(_rank(after) - _rank(before)), ""
+    if before is None or isinstance(before, str) or isinstance(after, str):
+        return Effect.CHANGED, ""
+
+    relative, absolute = new.relative, new.absolute
+    if conditions.one_machine:
+        relative, absolute = _ROUNDING
+    old_size = before if old.size is None else old.size
+    new_size = after if new.size is None else new.size
+    tolerance = max(absolute, relative * max(abs(old_size), abs(new_size)))
+    if abs(after - before) <= tolerance:
+        return Effect.NOISE, f"within {relative:g}, {absolute:g}"
+    return effect_of(new.better * (after - before)), ""
+
+
+def _rank(word: str) -> int:
+    """Return 1 for a word that is good, -1 for one that is bad, else 0."""
+    if word in _GOOD:
+        return 1
+    if word in _BAD:
+        return -1
+    return 0
+
+
+def effect_of(better: float) -> Effect:
+    """Return the effect of a change for the better (> 0), the worse (< 0) or neither (0)."""
+    if better > 0:
+        return Effect.BETTER
+    if better < 0:
+        return Effect.WORSE
+    return Effect.CHANGED

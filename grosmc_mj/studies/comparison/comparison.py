@@ -1,0 +1,200 @@
+"""Comparison of the results in two files or folders, as a result."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence, Set
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from grosmc_mj.ground.errors import ArgumentError, one_line, value_text
+from grosmc_mj.output.page.reading import Document, read_results
+from grosmc_mj.output.results.result import KEPT, NOT_KEPT, Answer, ReportTable, Result, result
+from grosmc_mj.output.results.tables import numbers, phrases, table, words
+from grosmc_mj.studies.campaign.manifest import leaves
+from grosmc_mj.studies.comparison.campaigns import (
+    campaign_changes,
+    campaign_folders,
+    campaign_rows,
+    one_sided_change,
+)
+from grosmc_mj.studies.comparison.changes import Change, Effect, changes
+
+# Fields of a document that say what it was made from.
+_SOURCES = {"git_revision", "machine", "seed", "versions", "configuration"}
+_UNJUDGED = (
+    "differences cannot be judged: they are of single runs with another random seed, which do not "
+    "show the scatter. Compare campaigns of both, or runs with one seed."
+)
+
+
+class ResultComparison(NamedTuple):
+    """Changes between the results in two files or folders.
+
+    Attributes:
+        old: Path of the old results.
+        new: Path of the new results.
+        changes: Changes, the worst first.
+        compared: Number of values that both have.
+        sources: A line for each difference of what they were made from.
+        notices: A line for each file that could not be read.
+    """
+
+    old: Path
+    new: Path
+    changes: list[Change]
+    compared: int
+    sources: list[str]
+    notices: list[str]
+
+    @property
+    def counts(self) -> Counter[Effect]:
+        """Number of changes of each effect."""
+        return Counter(change.effect for change in self.changes)
+
+    @property
+    def worse(self) -> list[Change]:
+        """Changes for the worse beyond noise, and values that are gone."""
+        return [change for change in self.changes if change.effect is Effect.WORSE]
+
+
+def compare(old: Path, new: Path) -> ResultComparison:
+    """Compare the results in two files or folders.
+
+    Args:
+        old: A document, a campaign's folder, or a folder with any of these.
+        new: Another one.
+
+    Raises:
+        ArgumentError: If a path does not exist, or the two have nothing in common.
+    """
+    before = read_results([old])
+    after = read_results([new])
+    listed, compared = changes(before.documents, after.documents)
+
+    old_campaigns = campaign_folders(old)
+    new_campaigns = campaign_folders(new)
+    pairs = _pairs(old_campaigns.keys(), new_campaigns.keys())
+    for old_key, new_key in pairs.items():
+        old_rows = campaign_rows(old_campaigns[old_key])
+        new_rows = campaign_rows(new_campaigns[new_key])
+        in_campaign, compared_in_campaign = campaign_changes(old_rows, new_rows)
+        listed += in_campaign
+        compared += compared_in_campaign
+    gone = old_campaigns.keys() - pairs.keys()
+    added = new_campaigns.keys() - set(pairs.values())
+    listed += [one_sided_change(key, gone=True) for key in gone]
+    listed += [one_sided_change(key, gone=False) for key in added]
+
+    if compared == 0:
+        for side in (before, after):
+            if side.notices and not side.documents:
+                raise ArgumentError(f"no results: {side.notices[0]}")
+        raise ArgumentError(
+            f"{old} and {new} have no results in common: name two files or folders with "
+            "results of the same command and target"
+        )
+    return ResultComparison(
+        old=old,
+        new=new,
+        changes=sorted(listed, key=lambda change: change.order),
+        compared=compared,
+        sources=_source_differences(before.documents, after.documents),
+        notices=[*before.notices, *after.notices],
+    )
+
+
+def _pairs(old: Set[str], new: Set[str]) -> dict[str, str]:
+    """Return which campaign is compared with which: those of one name, and the only other two."""
+    pairs = {key: key for key in old & new}
+    only_old = list(old - new)
+    only_new = list(new - old)
+    if len(only_old) == len(only_new) == 1:
+        pairs[only_old[0]] = only_new[0]
+    return pairs
+
+
+def _source_differences(old: Sequence[Document], new: Sequence[Document]) -> list[str]:
+    """Write a line for each difference of revision, versions, machine, seed and configuration."""
+    before = _sources(old)
+    after = _sources(new)
+    shared_kinds = {kind for kind, _ in before} & {kind for kind, _ in after}
+
+    # Several kinds of results may have one difference, such as the machine: it is written once.
+    lines: dict[str, None] = {}
+    for kind, key in before | after:
+        old_value = before.get((kind, key))
+        new_value = after.get((kind, key))
+        if kind in shared_kinds and old_value != new_value:
+            name = f"{kind}: {key}" if key.startswith("configuration") else key
+            line = f"{name}: {_source(old_value)} -> {_source(new_value)}"
+            lines[one_line(line)] = None
+    return list(lines)
+
+
+def _sources(documents: Sequence[Document]) -> dict[tuple[str, str], Any]:
+    """Return what the oldest document of each kind was made from, by kind and key."""
+    sources: dict[tuple[str, str], Any] = {}
+    for document in reversed(documents):
+        for key, value in leaves(document.content.model_dump(include=_SOURCES)):
+            if value is not None:
+                sources[document.kind, key] = value
+    return sources
+
+
+def _source(value: Any) -> str:
+    return value_text("nothing" if value is None else value, str)
+
+
+def comparison_result(comparison: ResultComparison) -> Result:
+    """Return the comparison as a result."""
+    columns = [*words("change"), *phrases("of"), *numbers("before", "after"), *words("unit")]
+    rows = [
+        (change.effect.value, change.name, _value(change.before), _value(change.after), change.unit)
+        for change in comparison.changes
+        if change.effect not in (Effect.NOISE, Effect.UNJUDGED)
+    ]
+    return result(
+        "diff",
+        None,
+        answers=[_answer(comparison)],
+        sheets=[ReportTable(table=table("What changed", columns, rows), brief=True)],
+        old=str(comparison.old),
+        new=str(comparison.new),
+        compared=comparison.compared,
+        counts={effect.value: comparison.counts[effect] for effect in Effect},
+        changes=[
+            {**change._asdict(), "effect": change.effect.value} for change in comparison.changes
+        ],
+        sources=comparison.sources,
+        notices=comparison.notices,
+    )
+
+
+def _answer(comparison: ResultComparison) -> Answer:
+    """Return the answer: how much got worse, and the number of other changes."""
+    counts = comparison.counts
+    worse = counts[Effect.WORSE]
+
+    subject = str(worse) if worse else "Nothing"
+    sentence = f"{subject} got worse beyond noise, of {comparison.compared} compared"
+    other_effects = [effect for effect in Effect if effect is not Effect.WORSE and counts[effect]]
+    if other_effects:
+        other_changes = [f"{counts[effect]} {effect.value}" for effect in other_effects]
+        sentence += f"; {', '.join(other_changes)}"
+
+    unjudged = counts[Effect.UNJUDGED]
+    return Answer(
+        question=f"What changed from {comparison.old} to {comparison.new}",
+        verdict=NOT_KEPT if worse else KEPT,
+        words=sentence,
+        more=f"{unjudged} {_UNJUDGED}" if unjudged else "",
+    )
+
+
+def _value(value: float | str | None) -> str:
+    if value is None:
+        return "none"
+    if isinstance(value, str):
+        return value
+    return f"{value:.6g}"

@@ -1,0 +1,365 @@
+"""Answer of a search for the worst disturbance: words, table, charts, document, case files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.file.content import read_content
+from grosmc_mj.experiments.file.shipped import shipped_files
+from grosmc_mj.experiments.file.user_code import is_named, named_in
+from grosmc_mj.experiments.films import film_of
+from grosmc_mj.experiments.requirements.signals import DEVIATION, named_units, signals_of
+from grosmc_mj.ground.arguments import require_known
+from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.output.films.film import Film, Format
+from grosmc_mj.output.results.result import (
+    KEPT,
+    NOT_KEPT,
+    OPEN,
+    Answer,
+    LineChart,
+    ReportTable,
+    Result,
+    Series,
+    StudyVerdict,
+    Value,
+    finite,
+    result,
+)
+from grosmc_mj.output.results.tables import Table, names, numbers, table, words
+from grosmc_mj.simulation.disturbances import AnyDisturbance
+from grosmc_mj.studies.disturbance.bounded import BoundedDisturbance
+from grosmc_mj.studies.disturbance.disturbance import (
+    AGREES,
+    ENDED,
+    DisturbanceStudy,
+    WorstDisturbance,
+    watched,
+)
+from grosmc_mj.studies.sweep.quantities import written
+from grosmc_mj.studies.sweep.runs import Row, recorded_runs
+
+# Points of a curve.
+_POINTS = 400
+# Name of the signal that was found, in figures and films.
+_WORST = "worst found"
+
+
+# -- words and table -------------------------------------------------------------------------------
+
+
+def words_of(study: DisturbanceStudy, worst: WorstDisturbance) -> str:
+    """Return the answer for a law in a line."""
+    calm = _calm_words(worst)
+    if worst.calm_share > ENDED:
+        return f"{worst.law}: {calm}"
+    if worst.ends:
+        return f"{worst.law}: {calm}the run ends early; {worst.runs} runs"
+    beside = f"{study.disturbance.compared} 0"
+    if worst.compared_share > 0:
+        ratio = worst.share / worst.compared_share
+        beside = f"{ratio:.2g} times {study.disturbance.compared}"
+    switches = "1 switch" if worst.switches == 1 else f"{worst.switches} switches"
+    line = (
+        f"{worst.law}: {calm}{worst.share:.3g} of {worst.requirement}, {beside}; {switches}; "
+        f"{worst.runs} runs; telegraph {worst.telegraph_share:.3g} ({worst.runs})"
+    )
+    if worst.change > AGREES:
+        line += f"; {worst.pieces} pieces may be too few"
+    if worst.largest:
+        line += f"; all is kept {_largest_words(worst.largest, study.disturbance.unit)}"
+    return line
+
+
+def _calm_words(worst: WorstDisturbance) -> str:
+    """What is not kept without any disturbance, for the beginning of a line."""
+    if worst.calm_share > ENDED:
+        return "the run ends early without any disturbance"
+    if not worst.kept_when_calm:
+        return f"not kept without any disturbance, {worst.calm_share:.3g} of the limit; "
+    return ""
+
+
+def _largest_words(largest: tuple[float, float], unit: str) -> str:
+    """The range of the largest bound: both of its ends."""
+    kept, failed = largest
+    if math.isinf(failed):
+        return f"up to {kept:.3g} {unit} at least, where the search ends"
+    if kept == 0:
+        return f"at no bound that was tried, down to {failed:.3g} {unit}"
+    return f"up to {kept:.3g} and not at {failed:.3g} {unit}"
+
+
+def verdict(study: DisturbanceStudy, rows: Sequence[WorstDisturbance]) -> str:
+    """Return which laws keep everything under the worst disturbance that was found."""
+    disturbance = study.disturbance
+    keeping = [worst.law for worst in rows if worst.kept]
+    sentence = (
+        f"{study.experiment.target}, {disturbance.bound:g} {disturbance.unit} on "
+        f"{disturbance.place}: {len(keeping)} of {len(rows)} laws keep all under the worst "
+        f"disturbance found{': ' if keeping else ''}{', '.join(keeping)}."
+    )
+    failing = [worst.law for worst in rows if not worst.kept_when_calm]
+    if failing:
+        sentence = f"Without any disturbance {', '.join(failing)}: not kept. {sentence}"
+    return sentence
+
+
+def answer_table(study: DisturbanceStudy, rows: Sequence[WorstDisturbance]) -> Table:
+    """Return a row for each law, the one that breaks most first."""
+    disturbance = study.disturbance
+    columns = [
+        *names("law"),
+        *numbers("share of\nits limit", "compared\nwith", "switches", "pieces", "runs"),
+        *numbers("as many\ntelegraphs"),
+        *words("worse\nis"),
+        *numbers("in\nMuJoCo", "largest\nbound"),
+    ]
+    texts = []
+    for worst in sorted(rows, key=lambda worst: -worst.share):
+        row = [
+            worst.law,
+            _share_text(worst.share),
+            _share_text(worst.compared_share),
+            str(worst.switches),
+            str(worst.pieces),
+            str(worst.runs),
+            _share_text(worst.telegraph_share),
+            "telegraph" if worst.telegraph_won else "search",
+            _share_text(worst.confirmed),
+            _largest_text(worst.largest),
+        ]
+        texts.append(row)
+    title = f"Worst disturbance within {disturbance.bound:g} {disturbance.unit}"
+    legend = f"Shares: measured over allowed value. Compared with {disturbance.compared}."
+    return table(title, columns, texts, legend=legend)
+
+
+def _largest_text(largest: tuple[float, float] | None) -> str:
+    """Write the range of the largest bound."""
+    if largest is None:
+        return "-"
+    kept, failed = largest
+    if math.isinf(failed):
+        return f"≥{kept:.3g}"
+    return f"{kept:.3g} to {failed:.3g}"
+
+
+def _share_text(share: float | None) -> str:
+    """Write a share of a limit."""
+    if share is None:
+        return "-"
+    return "run ends" if share > ENDED else f"{share:.3g}"
+
+
+# -- charts and film -------------------------------------------------------------------------------
+
+
+def charts(study: DisturbanceStudy, worst: WorstDisturbance) -> list[LineChart]:
+    """Return the worst disturbance of a law over time, and the quantity nearest to its limit.
+
+    Each is shown beside that of the disturbance that it is compared with.
+    """
+    disturbance = study.disturbance
+    cases = _cases(study, worst)
+    rows = [Row(worst.law, case=case) for case in cases.values()]
+    (limit, *_) = [item for item in study.limits(worst.law) if item.words == worst.requirement]
+
+    signals: list[Series] = []
+    courses: list[Series] = []
+    quantity = ""
+    runs = recorded_runs(study.experiment, rows, study.plant)
+    for (name, case), (run, law) in zip(cases.items(), runs, strict=True):
+        signal = DEVIATION
+        if limit.figure != DEVIATION:
+            (signal, *_) = watched([limit], law.designed.error)
+        unit = named_units(law, law.designed.sliding_unit or "1")[signal]
+        quantity = f"{signal} [{unit}]"
+
+        some = np.unique(np.linspace(0, len(run.time) - 1, _POINTS).astype(int))
+        time = run.time[some].tolist()
+        profile = case.disturbances[-1].profile
+        values = [disturbance.bound * profile(t) for t in time[:-1]]
+        course = signals_of(run, law, [signal])[signal][some]
+        signals.append(Series(name=name, x=time[:-1], y=values))
+        courses.append(Series(name=name, x=time, y=course.tolist()))
+
+    seconds = "time [s]"
+    place = f"{disturbance.place} [{disturbance.unit}]"
+    level = limit.number if limit.is_level else None
+    return [
+        LineChart(name=f"{worst.law}: disturbance", titles=(seconds, place), lines=signals),
+        LineChart(
+            name=f"{worst.law}: {worst.requirement}",
+            titles=(seconds, quantity),
+            lines=courses,
+            limit=level,
+        ),
+    ]
+
+
+def _cases(study: DisturbanceStudy, worst: WorstDisturbance) -> dict[str, Experiment]:
+    """Return the cases of the compared disturbance and of the worst one, by name."""
+    disturbance = study.disturbance
+    return {
+        disturbance.compared: disturbance.compared_case,
+        _WORST: disturbance.case_of(np.array(worst.signal)),
+    }
+
+
+def require_filmable(study: DisturbanceStudy, law: str) -> None:
+    """Refuse a film of a law that is not studied, or of a case without MuJoCo.
+
+    Raises:
+        ArgumentError: With the reason.
+    """
+    require_known("law", law, study.experiment.controllers)
+    if study.experiment.nominal.truest != "physics":
+        raise ArgumentError(
+            f"--film {law}: a film is of runs in MuJoCo, and {study.experiment.target} has none"
+        )
+
+
+def disturbance_film(
+    study: DisturbanceStudy, worst: WorstDisturbance, form: Format | None = None
+) -> Film:
+    """Return a film of a law under the worst disturbance, beside the one it is compared with."""
+    cases = _cases(study, worst)
+    runs = [case.run("physics", worst.law) for case in cases.values()]
+    film = film_of(runs, form, list(cases))
+    return replace(film, title=f"{study.experiment.target}: {_title(study)} for {worst.law}")
+
+
+# -- document --------------------------------------------------------------------------------------
+
+
+def disturbance_result(
+    study: DisturbanceStudy, rows: Sequence[WorstDisturbance], *, complete: bool
+) -> Result:
+    """Return the result of a search; ``complete`` if it has every law."""
+    target = study.experiment.target
+    standings = []
+    values = []
+    panels: list[LineChart] = []
+    for worst in rows:
+        breaks_at = "" if worst.kept else "worst disturbance"
+        standings.append(
+            StudyVerdict(
+                case=target,
+                law=worst.law,
+                breaks_at=breaks_at,
+                words=words_of(study, worst),
+                complete=complete,
+            )
+        )
+        name = f"{target} {worst.law} {study.disturbance.place} worst share"
+        values.append(Value(name=name, value=finite(worst.share), better=-1, relative=0.1))
+        panels += charts(study, worst)
+
+    answer = Answer(
+        question=f"Worst disturbance of {target}",
+        verdict=_verdict(rows, complete=complete),
+        words=verdict(study, rows),
+        notes=[words_of(study, worst) for worst in rows],
+    )
+    return result(
+        "disturbance",
+        study.configuration(),
+        seed=0,
+        complete=complete,
+        answers=[answer],
+        standings=standings,
+        sheets=[ReportTable(table=answer_table(study, rows), charts=panels, brief=True)],
+        values=values,
+        found=[worst.model_dump() for worst in rows],
+    )
+
+
+def _verdict(rows: Sequence[WorstDisturbance], *, complete: bool) -> Any:
+    """Return whether all laws keep everything; open as long as a missing law may not."""
+    if not all(worst.kept for worst in rows):
+        return NOT_KEPT
+    return KEPT if complete else OPEN
+
+
+# -- case files ------------------------------------------------------------------------------------
+
+
+def require_replayable(study: DisturbanceStudy, folder: Path) -> None:
+    """Refuse a folder for case files that lack the files beside the target.
+
+    Raises:
+        ArgumentError: With the folder that has them.
+    """
+    path = study.experiment.path
+    file = study.experiment.file
+    model = file.plant.model
+    laws = [file.law(law).law for law in study.experiment.controllers]
+    beside = any(map(is_named, (*named_in(file), *laws))) or (model and ":" not in model)
+    if not beside or folder.resolve() == path.parent.resolve():
+        return
+    if path in shipped_files().values():
+        raise ArgumentError(
+            f"{study.experiment.target} names files beside it, and nothing is written there: copy "
+            f"{path.parent}, and study {path.name} of the copy with its folder as --out"
+        )
+    raise ArgumentError(f"{path} names files beside it: give --out {path.parent}")
+
+
+def case_text(study: DisturbanceStudy, worst: WorstDisturbance) -> str:
+    """Return a complete case file that has the worst disturbance, and so replays it."""
+    disturbance = study.disturbance
+    case = disturbance.case_of(np.array(worst.signal))
+    content = read_content(study.experiment.path)
+    content.pop("name", None)
+    title = _title(study)
+    content["title"] = f"{study.experiment.title}: {title} for {worst.law}"
+
+    states = study.experiment.nominal.system.states
+    for index in disturbance.starts:
+        start = content["run"].setdefault("start", {})
+        start[states[index].name] = written(case.x0[index], states[index].unit)
+    if worst.law not in [table.called for table in study.experiment.file.controller]:
+        content["controller"].append({"law": worst.law})
+
+    tables = content.setdefault("disturbance", [])
+    if disturbance.replaced is not None:
+        tables.pop(disturbance.replaced_index)
+    tables.append(_disturbance_table(disturbance, case.disturbances[-1]))
+    share = f"{worst.share!r} of {worst.requirement}"
+    return f"# {title} under {worst.law}: {share}.\n{tomli_w.dumps(content)}"
+
+
+def _title(study: DisturbanceStudy) -> str:
+    """The worst disturbance in words."""
+    disturbance = study.disturbance
+    return f"worst {disturbance.bound:g} {disturbance.unit} on {disturbance.place}"
+
+
+def _disturbance_table(disturbance: BoundedDisturbance, applied: AnyDisturbance) -> dict[str, Any]:
+    """Return the table of a disturbance with a table of values."""
+    profile: Any = applied.profile
+    key = {"w": "body", "input_disturbance": "input", "output_disturbance": "measured"}[
+        applied.part
+    ]
+    content: dict[str, Any] = {key: applied.of}
+    if key == "body":
+        content["force"] = [written(part, "N") for part in applied.amplitudes[:3]]
+        content["torque"] = [written(part, "N m") for part in applied.amplitudes[3:]]
+    else:
+        content["amplitude"] = written(applied.amplitudes[0], disturbance.unit)
+    return {
+        **content,
+        "profile": "table",
+        "values": list(profile.values),
+        "hold": written(profile.hold, "s"),
+        "label": applied.label,
+    }

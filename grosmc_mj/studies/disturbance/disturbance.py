@@ -1,0 +1,449 @@
+"""The worst disturbance within a bound, for each law of a case."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.requirements import KINDS
+from grosmc_mj.experiments.requirements.judging import of_laws
+from grosmc_mj.experiments.requirements.requirement import Requirement
+from grosmc_mj.experiments.requirements.signals import signals_of
+from grosmc_mj.ground.arguments import require_known
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.output.results.result import finite
+from grosmc_mj.studies.disturbance.bounded import BoundedDisturbance, bounded_disturbance
+from grosmc_mj.studies.disturbance.signal_search import EnoughError, SignalSearch
+from grosmc_mj.studies.studied import BENCH, UNDER_LOAD, Condition, case_for
+from grosmc_mj.studies.study import Advance, CellRunner, Study, StudyCell, dependencies
+from grosmc_mj.studies.sweep.runs import Row, recorded_runs, run_rows
+from grosmc_mj.studies.sweep.search import largest_passing
+
+# Shares of the limits with N and with 2 N pieces that agree.
+AGREES = 0.05
+# Share beyond that of any run that reached its end.
+ENDED = 1e6
+# The search has a worse signal than the control by more than rounding.
+BETTER = 1 + 1e-9
+_MOST_PIECES = 640
+# Runs of the flips for each piece.
+_FLIPS = 10
+# Width of the range of the largest bound, over its lower end; the largest bound that is tried, and
+# the smallest, in parts of --bound.
+_WIDTH = 0.05
+_MOST = 1000.0
+_LEAST = 1e-6
+# Stands for all requirements but the input's, as the help prints it.
+_ANY = "any"
+# The smallest share that is not kept.
+_BEYOND = float(np.nextafter(1.0, 2.0))
+
+
+class WorstDisturbance(BaseModel):
+    """The worst disturbance of a law that was found.
+
+    Attributes:
+        law: Name of the law.
+        bound: Bound, in its unit.
+        signal: Pieces and deviations of the start, in parts of their bounds.
+        pieces: Number of pieces.
+        calm_share: Measured over allowed value of the requirement that is nearest to its limit,
+            without any disturbance; of a run that ends early nothing else is searched.
+        share: The same under the worst disturbance.
+        requirement: The requirement that is nearest to its limit then, in words.
+        compared_share: The share under the disturbance that it is compared with.
+        search_share: The largest share by pulses and flips.
+        telegraph_share: The largest share under random telegraph signals.
+        runs: Runs of pulses and flips, and as many telegraph signals.
+        change: Change of the share from half the pieces to all, in parts of it.
+        confirmed: The share in MuJoCo; None where that made the runs, or there is none.
+        largest: The largest bound up to which all was kept, and the smallest at which not: infinite
+            if none was found; None if it is not searched, or not all is kept without a disturbance.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    law: str
+    bound: float
+    signal: list[float]
+    pieces: int
+    calm_share: float
+    share: float
+    requirement: str
+    compared_share: float
+    search_share: float
+    telegraph_share: float
+    runs: int
+    change: float
+    confirmed: float | None = None
+    largest: tuple[float, float] | None = None
+
+    @property
+    def kept(self) -> bool:
+        """Whether everything is kept under it."""
+        return self.share <= 1
+
+    @property
+    def kept_when_calm(self) -> bool:
+        """Whether everything is kept without any disturbance."""
+        return self.calm_share <= 1
+
+    @property
+    def ends(self) -> bool:
+        """Whether the run under it ends early."""
+        return self.share > ENDED
+
+    @property
+    def switches(self) -> int:
+        """Number of changes of its sign."""
+        signs = np.sign(self.signal[: self.pieces])
+        return int(np.count_nonzero(np.diff(signs)))
+
+    @property
+    def telegraph_won(self) -> bool:
+        """Whether the control found a worse signal than the search."""
+        return self.telegraph_share > self.search_share * BETTER
+
+
+@dataclass(frozen=True, eq=False)
+class DisturbanceStudy(Study[WorstDisturbance]):
+    """Search for the worst disturbance of each law of a case.
+
+    Attributes:
+        disturbance: What is known of the disturbance.
+        requirement: Key of the requirements that are to be missed; empty for all of the task.
+        pieces: Number of pieces to begin with.
+        bounded: Whether the largest bound is searched, too.
+        threads: Threads of the runs; 0 for all cores.
+    """
+
+    kind = "disturbance"
+    row = WorstDisturbance
+
+    disturbance: BoundedDisturbance
+    requirement: str = ""
+    pieces: int = 40
+    bounded: bool = False
+    threads: int = 0
+
+    @property
+    def experiment(self) -> Experiment:
+        """The case without the disturbance."""
+        return self.disturbance.experiment
+
+    @property
+    def case(self) -> Experiment:
+        """The experiment."""
+        return self.experiment
+
+    @property
+    def plant(self) -> PlantName:
+        """Plant of the search: equations where they are the whole machine."""
+        nominal = self.experiment.nominal
+        if "corrected" in nominal.names and not self.experiment.on_machine:
+            return "corrected"
+        return nominal.truest
+
+    def limits(self, law: str) -> tuple[Requirement, ...]:
+        """Return the requirements of a law that the disturbance is to miss."""
+        limits = of_laws(self.experiment.limits, {law})
+        if self.requirement:
+            return tuple(limit for limit in limits if limit.key == self.requirement)
+        return tuple(limit for limit in limits if not limit.of_actuators)
+
+    def with_required_laws(self, named: Sequence[str]) -> DisturbanceStudy:
+        """Return the study of the named laws, or else of those of which something is required.
+
+        Raises:
+            ArgumentError: If nothing is required of a named law, or of any.
+        """
+        required = [law for law in self.experiment.controllers if self.limits(law)]
+        for law in named or required[:1] or self.experiment.controllers[:1]:
+            if law not in required:
+                words = "nothing is required"
+                if self.requirement:
+                    words = f"{self.requirement} is not required"
+                raise ArgumentError(f"{self.experiment.path}: {words} of {law}")
+        experiment = self.experiment.with_laws(named or required)
+        return replace(self, disturbance=replace(self.disturbance, experiment=experiment))
+
+    def configuration(self) -> dict[str, Any]:
+        """Return all that its answers depend on besides the case."""
+        disturbance = self.disturbance
+        return {
+            "case": self.experiment.target,
+            "on": disturbance.place,
+            "amplitudes": list(disturbance.unit_disturbance.amplitudes),
+            "bound": {"value": disturbance.bound, "unit": disturbance.unit},
+            "slew": finite(disturbance.slew),
+            "starts": {str(index): bound for index, bound in disturbance.starts.items()},
+            "requirement": self.requirement,
+            "pieces": self.pieces,
+            "plant": self.plant,
+        }
+
+    def cells(self) -> list[StudyCell[WorstDisturbance]]:
+        """Return a cell for each law, without its largest bound."""
+        condition = Condition(UNDER_LOAD, self.experiment.title, self.experiment)
+        depends_on = dependencies(self.configuration(), [condition])
+        return [
+            StudyCell(law, (law, False), depends_on, partial(self.find, law))
+            for law in self.experiment.controllers
+        ]
+
+    def rows(
+        self,
+        cells: Sequence[StudyCell[WorstDisturbance]],
+        runner: CellRunner[WorstDisturbance],
+    ) -> Iterator[WorstDisturbance]:
+        """Yield the row of each law; with its largest bound it is stored once more."""
+        for cell in cells:
+            worst = runner.row(cell)
+            if self.bounded:
+                measure = partial(self._with_bound, worst)
+                worst = runner.row(replace(cell, key=(worst.law, True), measure=measure))
+            runner.progress(cell.name)
+            yield worst
+
+    def _with_bound(self, worst: WorstDisturbance, advance: Advance) -> WorstDisturbance:
+        """Return a row with the largest bound."""
+        if not worst.kept_when_calm:
+            return worst
+        largest = self.largest(worst.law, advance)
+        return worst.model_copy(update={"largest": largest})
+
+    # -- runs --------------------------------------------------------------------------------------
+
+    def shares(
+        self, law: str, cases: Sequence[Experiment], plant: PlantName | None = None
+    ) -> Array:
+        """Return the largest measured over allowed value of runs of cases, (n,)."""
+        rows = [Row(law, case=case) for case in cases]
+        outcomes = run_rows(
+            self.experiment, rows, self.limits(law), plant or self.plant, threads=self.threads
+        )
+        return 1 - outcomes["order"].astype(float)
+
+    def responses(self, law: str, disturbance: BoundedDisturbance, signals: Array) -> Array:
+        """Return courses of all quantities that the requirements are about, (k, M)."""
+        rows = [Row(law, case=disturbance.case_of(signal)) for signal in signals]
+        size = signals.shape[1]
+        steps = round(self.experiment.duration / disturbance.timestep)
+        instants = np.unique(np.linspace(steps / size, steps, size).round().astype(int))
+
+        courses = []
+        for run, controller in recorded_runs(self.experiment, rows, self.plant, self.threads):
+            names = watched(self.limits(law), controller.designed.error)
+            course_of = signals_of(run, controller, names)
+            # The last values of a run that ended early stand for those that are missing.
+            reached = np.minimum(instants, len(run.time) - 1)
+            courses.append(np.concatenate([course_of[name][reached] for name in names]))
+        return np.array(courses)
+
+    # -- the search --------------------------------------------------------------------------------
+
+    def search(
+        self,
+        law: str,
+        disturbance: BoundedDisturbance,
+        pieces: int,
+        enough: float = math.inf,
+        advance: Advance = lambda _: None,
+    ) -> SignalSearch:
+        """Return a search with so many pieces that has not begun.
+
+        Args:
+            law: Name of the law.
+            disturbance: The disturbance, whose bound may be another one.
+            pieces: Number of pieces.
+            enough: Share at which it ends.
+            advance: Told how far it is.
+        """
+        name = f"{law}: {disturbance.bound:.3g} {disturbance.unit}, {pieces} pieces"
+        return SignalSearch(
+            shares=lambda signals: self.shares(law, list(map(disturbance.case_of, signals))),
+            responses=lambda signals: self.responses(law, disturbance, signals),
+            size=pieces + len(disturbance.starts),
+            enough=enough,
+            advance=lambda text: advance(f"{name}, {text}"),
+        )
+
+    def find(self, law: str, advance: Advance) -> WorstDisturbance:
+        """Find the worst disturbance of a law: N pieces and 2 N, until they agree.
+
+        Args:
+            law: Name of the law.
+            advance: Told how far the search is.
+        """
+        (calm_share,) = self.shares(law, [self.experiment])
+        if calm_share > ENDED:
+            return self._without_search(law, float(calm_share))
+
+        pieces = self.pieces
+        search = self._searched(law, pieces, None, advance)
+        runs = search.runs
+        change = math.inf
+        while change > AGREES and search.share <= ENDED and self._divisible(pieces):
+            pieces *= 2
+            finer = self._searched(law, pieces, search, advance)
+            change = _relative_change(search.share, finer.share)
+            runs += finer.runs
+            search = finer
+
+        control = self.search(law, self.disturbance, pieces, advance=advance)
+        control.telegraphs(runs, np.random.default_rng(0))
+        best = control if control.share > search.share * BETTER else search
+        return WorstDisturbance(
+            law=law,
+            bound=self.disturbance.bound,
+            signal=best.best.tolist(),
+            pieces=pieces,
+            calm_share=float(calm_share),
+            share=best.share,
+            search_share=search.share,
+            telegraph_share=control.share,
+            runs=runs,
+            change=change,
+            **self._beside(law, best.best),
+        )
+
+    def _without_search(self, law: str, share: float) -> WorstDisturbance:
+        """Return the row of a law whose run ends early without any disturbance."""
+        nothing = np.zeros(self.pieces + len(self.disturbance.starts))
+        return WorstDisturbance(
+            law=law,
+            bound=self.disturbance.bound,
+            signal=nothing.tolist(),
+            pieces=self.pieces,
+            calm_share=share,
+            share=share,
+            search_share=share,
+            telegraph_share=share,
+            runs=1,
+            change=0.0,
+            **self._beside(law, nothing),
+        )
+
+    def _searched(
+        self,
+        law: str,
+        pieces: int,
+        coarser: SignalSearch | None,
+        advance: Advance,
+    ) -> SignalSearch:
+        """Search with so many pieces, from the worst signal of half as many."""
+        search = self.search(law, self.disturbance, pieces, advance=advance)
+        if coarser is not None:
+            halves, deviations = np.split(coarser.best, [pieces // 2])
+            search.judge(np.concatenate([np.repeat(halves, 2), deviations])[None])
+        search.pulses()
+        search.flips(_FLIPS * search.size)
+        return search
+
+    def _divisible(self, pieces: int) -> bool:
+        """Whether pieces can be halved: not below a timestep."""
+        shorter = self.disturbance.hold(2 * pieces) < self.disturbance.hold(pieces)
+        return shorter and 2 * pieces <= _MOST_PIECES
+
+    def _beside(self, law: str, signal: Array) -> dict[str, Any]:
+        """Return what a signal is compared with, MuJoCo's share, and the nearest requirement."""
+        case = self.disturbance.case_of(signal)
+        (compared_share,) = self.shares(law, [self.disturbance.compared_case])
+        confirmed = None
+        truest = self.experiment.nominal.truest
+        if truest != self.plant:
+            confirmed = float(self.shares(law, [case], truest)[0])
+
+        limits = self.limits(law)
+        outcomes = run_rows(self.experiment, [Row(law, case=case)], limits, self.plant)
+        nearest = int(np.argmin([share[0] for share in outcomes.shares]))
+        return {
+            "compared_share": float(compared_share),
+            "confirmed": confirmed,
+            "requirement": limits[nearest].words,
+        }
+
+    def largest(self, law: str, advance: Advance) -> tuple[float, float]:
+        """Return the largest bound up to which all was kept, and the smallest at which not.
+
+        All must be kept without a disturbance.
+        """
+
+        def passes(factor: float) -> bool:
+            disturbance = self.disturbance.scaled(factor)
+            search = self.search(law, disturbance, self.pieces, _BEYOND, advance)
+            try:
+                search.pulses()
+                search.flips(_FLIPS * search.size)
+            except EnoughError:
+                pass
+            return search.share <= 1
+
+        low, high = largest_passing(passes, 0.0, 1.0, _MOST, _WIDTH, _LEAST)
+        return low * self.disturbance.bound, high * self.disturbance.bound
+
+
+def _relative_change(coarse: float, fine: float) -> float:
+    """Difference of two shares in parts of the larger one; 0 if both are nothing."""
+    if coarse == fine:
+        return 0.0
+    return abs(fine - coarse) / max(fine, coarse)
+
+
+def watched(limits: Sequence[Requirement], error: Any) -> list[str]:
+    """Return the signals that requirements are about, whose responses tell signs."""
+    names: list[str] = []
+    for limit in limits:
+        names += limit.watched(error)
+    return list(dict.fromkeys(names))
+
+
+def disturbance_study(
+    target: str,
+    on: str,
+    bound: str,
+    laws: Sequence[str] = (),
+    *,
+    axis: str = "",
+    slew: str = "",
+    starts: Sequence[str] = (),
+    requirement: str = "",
+    pieces: int = 40,
+    bounded: bool = False,
+) -> DisturbanceStudy:
+    """Return the study of a target: of a system it is the case of its bench.
+
+    Args:
+        target: System, case or case file.
+        on: See ``bounded_disturbance``, as for ``bound``, ``axis``, ``slew`` and ``starts``.
+        bound: Largest magnitude with its unit.
+        laws: Laws of the file; all its controllers by default.
+        axis: Axis of a force or torque.
+        slew: Largest rate with its unit.
+        starts: Bounds of the start.
+        requirement: See ``DisturbanceStudy``, as for ``pieces`` and ``bounded``; ``any`` for none.
+        pieces: Number of pieces to begin with.
+        bounded: Whether the largest bound is searched, too.
+
+    Raises:
+        ArgumentError: If something does not fit.
+    """
+    if not 2 <= pieces <= _MOST_PIECES:
+        raise ArgumentError(f"--pieces {pieces} must be from 2 to {_MOST_PIECES}")
+    experiment = case_for(target, BENCH).with_laws(laws)
+    disturbance = bounded_disturbance(experiment, on, bound, axis=axis, slew=slew, starts=starts)
+    if requirement == _ANY:
+        requirement = ""
+    if requirement:
+        require_known("requirement", requirement, [_ANY, *(kind.key for kind in KINDS)])
+    study = DisturbanceStudy(disturbance, requirement, pieces, bounded)
+    return study.with_required_laws(laws)

@@ -1,0 +1,92 @@
+"""Tables of the documentation that are made from the documents of ladders."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from grosmc_mj.output.results.result import ReportTable
+from grosmc_mj.output.results.tables import Table, markdown_table, words
+from grosmc_mj.studies.ladder.answer import CLAIMS, first_failed, way
+from grosmc_mj.studies.ladder.ladder import RungResult
+
+# Laws for people, by the names that they have in the ladders: of the adaptive gain where a rival
+# has its name, and elsewhere.
+_LAWS: Mapping[str, Sequence[str]] = {
+    "LQR": ("lqr",),
+    "LQI, as quick as the actuator allows": ("lqi, quick",),
+    "PID, as quick as the actuator allows": ("fl-pid, quick",),
+    "ADRC": ("adrc",),
+    "ADRC, as quick as the actuator allows": ("adrc, quick",),
+    "GROSMC, sign function": ("sign",),
+    "GROSMC, boundary layer": ("boundary-layer",),
+    "GROSMC, implicit": ("implicit",),
+    "GROSMC, implicit with estimate": ("implicit-estimate",),
+    "GROSMC, super-twisting": ("super-twisting",),
+    "GROSMC, adaptive gain": ("grosmc adaptive", "adaptive"),
+}
+# Those of the first page.
+_FEW = ("LQR", "ADRC", "GROSMC, sign function", "GROSMC, implicit", "GROSMC, adaptive gain")
+_SYSTEMS = {
+    "servo": "servo",
+    "cart_pendulum": "cart-pendulum",
+    "arm": "arm",
+    "two_link_arm": "two-link arm",
+}
+
+
+def few_failures_text(documents: Sequence[Mapping[str, Any]]) -> str:
+    """Return the first rung on which five laws fail, on each machine, for the first page."""
+    return _failures_text(documents, _FEW)
+
+
+def failures_text(documents: Sequence[Mapping[str, Any]]) -> str:
+    """Return the first rung on which each law fails, on each machine, for ``docs/ladder.md``."""
+    return _failures_text(documents, list(_LAWS))
+
+
+def _failures_text(documents: Sequence[Mapping[str, Any]], laws: Sequence[str]) -> str:
+    systems = [document["target"].partition("/")[0] for document in documents]
+    rows = []
+    for law in laws:
+        cells = [_first_failure(document, _LAWS[law]) for document in documents]
+        rows.append([law, *cells])
+    columns = words("law", *(_SYSTEMS[system] for system in systems))
+    return "\n".join(markdown_table(columns, rows))
+
+
+def _first_failure(document: Mapping[str, Any], names: Sequence[str]) -> str:
+    """The first rung on which a law fails, with the draws that keep it; empty without the law."""
+    results = [RungResult.model_validate(row) for row in document["climbs"]]
+    condition = document["conditions"][0]["name"]
+    for name in names:
+        rungs = way(results, name, condition)
+        if not rungs:
+            continue
+        failed = first_failed(rungs)
+        if failed is None:
+            return "kept?" if any(row.hangs_on for row in rungs) else "kept"
+        words_of_failure = failed.rung
+        if failed.partly:
+            words_of_failure += f" ({failed.kept_draws} of {failed.draws})"
+        return f"{words_of_failure}?" if failed.hangs_on else words_of_failure
+    return ""
+
+
+def ladders_text(documents: Iterable[Mapping[str, Any]]) -> str:
+    """Return headings and tables of each document, for ``docs/ladder_tables.md``."""
+    parts: list[str] = []
+    for document in documents:
+        sheets = [ReportTable.model_validate(sheet) for sheet in document["sheets"]]
+        parts.append(f"**{document['target']}**: {document['title']}")
+        parts += [_titled(sheet.table) for sheet in sheets if not sheet.brief]
+        # A star would begin a list.
+        parts += [f"\\{line}" for line in document["remarks"]]
+        for sheet in sheets:
+            if sheet.table.title == CLAIMS:
+                parts += [_titled(sheet.table), sheet.table.legend]
+    return "\n\n".join(parts)
+
+
+def _titled(part: Table) -> str:
+    return "\n".join([f"{part.title}:", "", *part.markdown()])

@@ -1,0 +1,356 @@
+"""Answer of a margins study: words, tables, document."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import astuple
+
+from grosmc_mj.experiments.assumptions.growth import growth
+from grosmc_mj.output.results.result import (
+    MEASURED,
+    OPEN,
+    Answer,
+    ReportTable,
+    Result,
+    StudyVerdict,
+    Value,
+    finite,
+    result,
+)
+from grosmc_mj.output.results.tables import Table, names, number, numbers, phrases, table, words
+from grosmc_mj.studies.margins.changes import DELAY, GAIN_DOWN, GAIN_UP
+from grosmc_mj.studies.margins.chatter import Chatter
+from grosmc_mj.studies.margins.figure import charts
+from grosmc_mj.studies.margins.law_margins import (
+    LEVELS,
+    SEED,
+    LawMargins,
+    in_draws,
+    shared_level,
+    together,
+)
+from grosmc_mj.studies.margins.margins import MarginStudy, Setup
+from grosmc_mj.studies.margins.task import TaskMargin
+
+LEGEND = (
+    "gain down, gain up, delay: the largest change with which all draws keep the task, and the "
+    "case that decides. The others by S at the plant's input, of a law that does not switch by the "
+    "smallest signals; ±: standard error and error of interpolation; A to B: over the amplitudes. "
+    "≥: nothing more was tried."
+)
+
+# Margins of the table that may hang on the amplitude: field, name in a note, factor and unit there.
+_OF_AMPLITUDE = (
+    ("delay", "delay by S", 1e3, " ms"),
+    ("phase", "phase margin", 1.0, "°"),
+    ("disk", "disk margin", 1.0, ""),
+)
+
+
+def verdict(rows: Sequence[LawMargins]) -> str:
+    """Return a sentence about the last setup: the laws with the least and the largest delay.
+
+    Before it stand the laws that keep the task under no condition.
+    """
+    setup = rows[-1].setup
+    delays: dict[str, float] = {}
+    for row in rows:
+        worst = row.worst_of_task(DELAY)
+        if row.setup == setup and worst is not None:
+            delays[row.law] = worst.kept
+    failing = [row.law for row in rows if row.setup == setup and not row.task]
+    first = f"Without any change {', '.join(failing)}: not kept. " if failing else ""
+    if not delays:
+        return f"{setup}: no law keeps its task."
+
+    least = min(delays, key=delays.__getitem__)
+    most = max(delays, key=delays.__getitem__)
+    sentence = f"{first}{setup}: {least} tolerates {_milliseconds(delays[least])} ms more delay"
+    if most != least:
+        sentence += f", {most} {_milliseconds(delays[most])} ms"
+    return f"{sentence}."
+
+
+def _milliseconds(delay: float) -> str:
+    """Write a delay of whole timesteps, without a loss of digits [ms]."""
+    return f"{1e3 * delay:.6g}"
+
+
+# -- the table of a setup --------------------------------------------------------------------------
+
+
+def margin_table(setup: Setup, rows: Sequence[LawMargins]) -> Table:
+    """Return laws by margins of the task and of S at the plant's input.
+
+    Args:
+        setup: The setup.
+        rows: Its rows.
+    """
+    shared = shared_level(rows)
+    under = ", ".join(condition.name for condition in setup.conditions)
+    title = f"{setup.name}: what the task tolerates ({_draws_words(rows)}{under})"
+    if shared is not None:
+        (example, *_) = [row for row in rows if row.switches and row.trusted]
+        sizes = [f"{number(level.rms)} {level.unit}" for level in example.at(shared)]
+        title += f", and S at {', '.join(sizes)} rms of laws that switch"
+
+    several = len(setup.case.nominal.system.inputs) > 1
+    columns = [*names("law"), *numbers(GAIN_DOWN, GAIN_UP, "delay\n[ms]")]
+    columns += numbers("delay by\nS [ms]", "phase\n[°]", "disk")
+    if several:
+        columns += numbers("disk,\ntogether")
+    columns += numbers("bandwidth\n[Hz]")
+
+    nominal = setup.conditions[0].name
+    cells = []
+    for row in rows:
+        law = row.law
+        if row.refused:
+            law += f" (not {', '.join(row.refused)})"
+        of_task = [_task_text(row, kind, nominal) for kind in (GAIN_DOWN, GAIN_UP, DELAY)]
+        cells.append([law, *of_task, *_input_cells(row, shared, several)])
+    return table(title, columns, cells)
+
+
+def _draws_words(rows: Sequence[LawMargins]) -> str:
+    """Number of draws of a setup in words; empty where nothing is drawn."""
+    draws = max((margin.draws for row in rows for margin in row.task), default=1)
+    return f"{draws} draws; " if draws > 1 else ""
+
+
+def _task_text(row: LawMargins, kind: str, nominal: str) -> str:
+    """The least margin of a kind, with the condition that decides if it is not the nominal one."""
+    worst = row.worst_of_task(kind)
+    if worst is None:
+        return "-"
+    text = _change_text(worst)
+    if math.isfinite(worst.failed) and worst.condition != nominal:
+        text += f" {worst.condition}"
+    return text
+
+
+def _change_text(margin: TaskMargin) -> str:
+    """The largest change that is kept: a factor, or milliseconds."""
+    at_least = "" if math.isfinite(margin.failed) else "≥"
+    if margin.kind == GAIN_DOWN:
+        return f"{at_least.replace('≥', '≤')}1/{number(margin.kept)}"
+    if margin.kind == DELAY:
+        return f"{at_least}{_milliseconds(margin.kept)}"
+    return f"{at_least}{number(margin.kept)}"
+
+
+def _input_cells(row: LawMargins, shared: int | None, several: bool) -> list[str]:
+    """Texts of the margins by S at the inputs, of the input with the least disk margin."""
+    index = row.level_index(shared)
+    if index is None:
+        return ["-"] * (5 if several else 4)
+
+    levels = row.at(index)
+    worst = min(levels, key=lambda level: level.margins.disk)
+    margins = worst.margins
+    errors = worst.errors
+    mark = "*" if row.switches and index != shared else ""
+    cells = [
+        _range_text(row, "delay", 1e3) or _with_error(1e3 * margins.delay, 1e3 * errors.delay),
+        _range_text(row, "phase") or _with_error(margins.phase, errors.phase),
+        _range_text(row, "disk") or _with_error(margins.disk, errors.disk),
+    ]
+    cells[0] += mark
+    if several:
+        cells.append(number(together(levels)))
+    return [*cells, number(finite(margins.bandwidth))]
+
+
+def _range_text(row: LawMargins, margin: str, factor: float = 1.0) -> str:
+    """The least and the largest value of a margin, if trusted amplitudes disagree; else empty."""
+    levels = row.disagreeing(margin)
+    if levels is None:
+        return ""
+    least, largest = [number(factor * getattr(level.margins, margin)) for level in levels]
+    return f"{least} to {largest}"
+
+
+def _with_error(value: float, error: float) -> str:
+    """A number with its error, if that is more than half a percent of it."""
+    if math.isnan(value):
+        return "-"
+    if math.isinf(value):
+        return "∞"
+    if not error > 0.005 * value:
+        return number(value)
+    return f"{number(value)}±{error:.1g}"
+
+
+# -- notes -----------------------------------------------------------------------------------------
+
+
+def notes(rows: Sequence[LawMargins]) -> list[str]:
+    """Return lines about laws: what breaks, chatter, and what cannot be trusted.
+
+    Args:
+        rows: Rows of one setup.
+    """
+    laws: dict[str, list[str]] = {}
+    for row in rows:
+        for note in _notes_of(row):
+            laws.setdefault(note, []).append(row.law)
+    return [f"{'; '.join(names)}: {note}" for note, names in laws.items()]
+
+
+def _notes_of(row: LawMargins) -> Iterator[str]:
+    """Lines about a law."""
+    if row.impossible:
+        yield row.impossible
+    if row.chatter is not None:
+        yield _chatter_words(row.chatter)
+    for margin, title, factor, unit in _OF_AMPLITUDE:
+        levels = row.disagreeing(margin)
+        if levels is not None:
+            texts = []
+            for level in levels:
+                value = number(factor * getattr(level.margins, margin))
+                texts.append(f"{value}{unit} at {number(level.rms)} {level.unit} rms")
+            yield f"{title} hangs on the amplitude: {', '.join(texts)}"
+    if row.levels and not row.trusted:
+        doubts = [level.doubt for level in row.at(len(LEVELS) - 1) if level.doubt]
+        yield f"S is not trustworthy, because {(doubts or ['it is not at all inputs'])[0]}"
+
+
+def _chatter_words(chatter: Chatter) -> str:
+    """The gain and the delay at which chatter begins, in words."""
+    if chatter.at_rest:
+        return "chatters at rest; S tells how it answers slow signals"
+    begins = []
+    if math.isfinite(chatter.gain):
+        begins.append(f"gain {number(chatter.gain)}")
+    if math.isfinite(chatter.delay):
+        begins.append(f"delay {number(1e3 * chatter.delay)} ms")
+    if not begins:
+        return "does not chatter"
+    return f"begins to chatter at {', '.join(begins)}"
+
+
+# -- all tables ------------------------------------------------------------------------------------
+
+
+def sheets(studied: MarginStudy, rows: Sequence[LawMargins]) -> list[ReportTable]:
+    """Return the tables of each setup, the first one with charts."""
+    parts = []
+    measured = list(by_setup(studied, rows))
+    # One screen has no room for all: those nearest to the machine.
+    nearest = measured[-2:]
+    for setup, of_setup in measured:
+        first = margin_table(setup, of_setup)
+        brief = (setup, of_setup) in nearest
+        parts.append(ReportTable(table=first, charts=charts(setup, of_setup), brief=brief))
+        parts.append(ReportTable(table=_task_table(setup, of_setup)))
+        parts.append(ReportTable(table=_level_table(setup, of_setup)))
+    return parts
+
+
+def by_setup(
+    studied: MarginStudy, rows: Sequence[LawMargins]
+) -> Iterator[tuple[Setup, list[LawMargins]]]:
+    """Yield each setup that has rows, with them."""
+    for setup in studied.setups:
+        of_setup = [row for row in rows if row.setup == setup.name]
+        if of_setup:
+            yield setup, of_setup
+
+
+def _task_table(setup: Setup, rows: Sequence[LawMargins]) -> Table:
+    """Return the margins of the task under each condition, and what breaks."""
+    cells = []
+    for row in rows:
+        for margin in row.task:
+            kept = _change_text(margin)
+            breaks = ""
+            if margin.breaks:
+                breaks = in_draws(margin.breaks, margin.failing_draws, margin.draws)
+            cells.append([row.law, margin.condition, margin.kind, kept, breaks])
+        for condition, breaks in row.refused.items():
+            cells.append([row.law, condition, "as it is", "not kept", breaks])
+    columns = words("law", "under", "change", "kept up to", "then breaks")
+    return table(f"{setup.name}: the task under each condition", columns, cells, grouped=True)
+
+
+def _level_table(setup: Setup, rows: Sequence[LawMargins]) -> Table:
+    """Return the margins by S at every place and amplitude."""
+    quantities = ("gain down", "gain up", "phase [°]", "delay [s]", "modulus", "disk")
+    columns = [
+        *words("law", "injected at"),
+        *numbers("rms", *quantities, "crossover [Hz]", "bandwidth [Hz]"),
+        *phrases("not trustworthy, because"),
+    ]
+    cells = []
+    for row in rows:
+        for level in row.levels:
+            pairs = zip(astuple(level.margins), astuple(level.errors), strict=True)
+            values = [_with_error(*pair) for pair in pairs]
+            rms = f"{number(level.rms)} {level.unit}"
+            cells.append([row.law, level.place, rms, *values, level.doubt])
+    return table(f"{setup.name}: S at each amplitude", columns, cells, grouped=True)
+
+
+# -- document --------------------------------------------------------------------------------------
+
+
+def margins_result(studied: MarginStudy, rows: Sequence[LawMargins], *, complete: bool) -> Result:
+    """Return the result of a study of margins.
+
+    Args:
+        studied: The target.
+        rows: Finished rows.
+        complete: Whether nothing was interrupted.
+    """
+    lines: list[str] = []
+    for setup, of_setup in by_setup(studied, rows):
+        grows = growth(setup.case, [law.controller for law in setup.laws])
+        lines += [line for line in grows if line not in lines]
+        lines += notes(of_setup)
+    answer = Answer(
+        question=f"Margins of {studied.target}",
+        verdict=MEASURED if complete else OPEN,
+        words=verdict(rows),
+        notes=lines,
+    )
+    return result(
+        "margins",
+        studied.configuration(),
+        seed=SEED,
+        complete=complete,
+        answers=[answer],
+        standings=[_standing(row, complete=complete) for row in rows],
+        sheets=sheets(studied, rows),
+        remarks=[LEGEND],
+        values=_values(rows),
+        target=studied.target,
+        rows=[row.model_dump() for row in rows],
+    )
+
+
+def _standing(row: LawMargins, *, complete: bool) -> StudyVerdict:
+    """The conditions under which a law breaks without any change."""
+    reasons = [f"{condition}: {breaks}" for condition, breaks in row.refused.items()]
+    return StudyVerdict(
+        case=row.setup,
+        law=row.law,
+        breaks_at=", ".join(row.refused),
+        words="; ".join(reasons),
+        complete=complete,
+    )
+
+
+def _values(rows: Sequence[LawMargins]) -> Iterator[Value]:
+    """Margins that two results are compared by."""
+    for row in rows:
+        name = f"{row.setup.replace(',', '')} {row.law}"
+        for margin in row.task:
+            of_task = f"{name} {margin.condition}: {margin.kind}"
+            yield Value(name=of_task, value=margin.kept, better=1, relative=0.1)
+        for level in row.levels:
+            if not level.doubt:
+                disk = finite(level.margins.disk)
+                at = f"{name}, {level.place} {number(level.rms)}: disk margin"
+                yield Value(name=at, value=disk, better=1, relative=0.1)

@@ -1,0 +1,1 @@
+"""Region: the starts from which each law reaches its goal."""

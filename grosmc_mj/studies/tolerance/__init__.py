@@ -1,0 +1,1 @@
+"""Tolerance: the largest imperfection of a loop that each law stands."""

@@ -1,0 +1,280 @@
+"""Answer of a tolerance study: words, tables, charts and document."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+from grosmc_mj.output.results.figure import in_lines
+from grosmc_mj.output.results.result import (
+    MEASURED,
+    OPEN,
+    Answer,
+    CellChart,
+    ReportTable,
+    Result,
+    StudyVerdict,
+    Value,
+    result,
+)
+from grosmc_mj.output.results.tables import Table, number
+from grosmc_mj.studies.matrix import (
+    Cell,
+    charts_by_condition,
+    conditions_document,
+    law_document,
+    verdict_table,
+)
+from grosmc_mj.studies.studied import StudiedLaw
+from grosmc_mj.studies.tolerance.imperfections import ALL, Imperfection
+from grosmc_mj.studies.tolerance.tolerance import (
+    FINER,
+    PER_OCTAVE,
+    RESOLUTION,
+    Tolerance,
+    ToleranceStudy,
+)
+
+_STEP = f"{100 * (2 ** (1 / PER_OCTAVE) - 1):.0f} %"
+_FINER_STEP = f"{100 * (2 ** (1 / FINER) - 1):.0f} %"
+LEGEND = (
+    "The largest amount up to which all that was tried is kept, of the first part; the first "
+    f"failure found is within {100 * (RESOLUTION - 1):.0f} %. Tried in steps of {_STEP}, in the "
+    f"octave below that failure of {_FINER_STEP}. no: not kept without it; none: only without it; "
+    "≥ and ≤: kept up to the last that was tried; *: kept again beyond; !: MuJoCo differs from the "
+    "equations, and counts."
+)
+NOTE = (
+    "Green: all requirements are kept with what the bench has of it, and with all that was tried "
+    "below. Orange: the named requirement is not. !: MuJoCo differs from the equations, and counts."
+)
+# Letters in a line of a header.
+_LETTERS = 12
+
+
+def kept_ideally(rows: Iterable[Tolerance]) -> set[tuple[str, str]]:
+    """Return laws with the conditions under which each keeps all without any imperfection."""
+    sized = [row for row in rows if row.imperfection.amounts]
+    return {(row.law, row.condition) for row in sized if row.kept_ideally}
+
+
+def least_of(rows: Sequence[Tolerance]) -> dict[tuple[str, str], Tolerance]:
+    """Return the least by law and imperfection, over the conditions that the law stands."""
+    least: dict[tuple[str, str], Tolerance] = {}
+    ideal = kept_ideally(rows)
+    for row in rows:
+        if (row.law, row.condition) in ideal:
+            key = row.law, row.imperfection.name
+            least[key] = min(
+                least.get(key, row), row, key=lambda row: (row.weakness, row.largest_kept)
+            )
+    return least
+
+
+def verdict(rows: Sequence[Tolerance]) -> str:
+    """Return one sentence: which law breaks first, at which amount of which imperfection."""
+    broken = [
+        row for row in rows if row.kept_ideally and row.smallest_failed and row.imperfection.single
+    ]
+    if not broken:
+        return "No single imperfection that was tried breaks what a law keeps without it."
+
+    worst = min(broken, key=lambda row: row.weakness)
+    kept = f"up to {_beside_bench(worst, worst.largest_kept)}"
+    if worst.none:
+        kept = "only without it"
+    where = ""
+    if worst.condition != "nominal":
+        where = f" under {worst.condition}"
+    return (
+        f"{worst.law} breaks first, by {worst.imperfection.name}{where}: all is kept {kept}; the "
+        f"first failure found is at {_beside_bench(worst, worst.weakness)}: {worst.reason}."
+    )
+
+
+def _beside_bench(row: Tolerance, factor: float) -> str:
+    """The amount for a factor, and the factor."""
+    return f"{row.amount_text(factor)} ({number(factor)} times the bench's)"
+
+
+def confirmed(rows: Sequence[Tolerance]) -> tuple[int, int]:
+    """Return how many answers MuJoCo checked, and how many of them differ."""
+    agrees = [row.physics_agrees for row in rows if row.physics_agrees is not None]
+    return len(agrees), agrees.count(False)
+
+
+def least_table(rows: Sequence[Tolerance], title: str) -> Table:
+    """Return laws by imperfections: the least over the conditions that a law keeps ideally.
+
+    The strongest law stands first, and the imperfection with the smallest tolerance.
+    """
+    least = least_of(rows)
+    ideal = kept_ideally(rows)
+    conditions = dict.fromkeys(row.condition for row in rows)
+    kept = {law: [name for name in conditions if (law, name) in ideal] for law, _ in least}
+
+    # The weakest law decides the order of imperfections, the least of all at once that of laws.
+    kinds: dict[str, Imperfection] = {}
+    weakest: dict[str, float] = {}
+    strength = {law: (len(names), 0.0) for law, names in kept.items()}
+    for (law, kind), row in least.items():
+        kinds[kind] = row.imperfection
+        if row.kept_ideally:
+            weakest[kind] = min(row.weakness, weakest.get(kind, math.inf))
+        if kind == ALL:
+            strength[law] = (len(kept[law]), row.weakness)
+
+    ordered = sorted(kinds, key=lambda kind: weakest.get(kind, 0.0))
+    cells = []
+    for law in sorted(kept, key=strength.__getitem__, reverse=True):
+        cells += [cell_of(least[law, kind]) for kind in ordered if (law, kind) in least]
+
+    headings = [kinds[kind].heading for kind in ordered]
+    by_step = {heading: in_lines(heading, _LETTERS) for heading in headings}
+    ideally = {law: ", ".join(names) for law, names in kept.items()}
+    return verdict_table(title, cells, by_step, LEGEND, {"keeps ideally": ideally})
+
+
+def cell_of(row: Tolerance) -> Cell:
+    """Return the cell of a tolerance: kept if the law stands at least what the bench has."""
+    verdict = "failed"
+    if row.impossible:
+        verdict = ""
+    elif row.weakness > 1:
+        verdict = "kept"
+
+    words = row.cell
+    if row.breaks:
+        words += f"; then breaks: {row.reason}"
+    mark = "!" if row.physics_agrees is False else ""
+    return Cell(
+        law=row.law,
+        step=row.imperfection.heading,
+        condition=row.condition,
+        verdict=verdict,
+        text=row.cell,
+        broken=row.breaks if verdict == "failed" else "",
+        mark=mark,
+        words=words,
+    )
+
+
+def charts(studied: ToleranceStudy, rows: Sequence[Tolerance]) -> dict[str, CellChart]:
+    """Return the chart of each condition: laws by imperfections."""
+    headings = {kind.heading: kind.name for kind in studied.imperfections}
+    return charts_by_condition(studied.conditions, map(cell_of, rows), headings, climbing=False)
+
+
+def _standings(target: str, rows: Sequence[Tolerance], *, complete: bool) -> Iterator[StudyVerdict]:
+    """Yield the smallest tolerance of each law."""
+    for law in dict.fromkeys(row.law for row in rows):
+        kept = [row for row in rows if row.law == law and row.kept_ideally]
+        failed = [row for row in kept if row.smallest_failed is not None]
+        breaks_at = ""
+        answer = "stands all that was tried"
+        if not kept:
+            breaks_at = "ideal loop"
+            answer = "not kept even in an ideal loop"
+        elif failed:
+            least = min(failed, key=lambda row: row.largest_kept)
+            breaks_at = least.imperfection.name
+            if breaks_at == ALL:
+                breaks_at = "all of them"
+            amount = f"up to {least.amount_text(least.largest_kept)}"
+            if least.none:
+                amount = "only without it"
+            answer = f"kept {amount}, then {least.reason} ({least.condition})"
+        yield StudyVerdict(
+            case=target, law=law, breaks_at=breaks_at, words=answer, complete=complete
+        )
+
+
+def _values(target: str, rows: Sequence[Tolerance]) -> Iterator[Value]:
+    for row in rows:
+        if not row.impossible:
+            name = f"{target} {row.condition} {row.law}, {row.imperfection.name}"
+            yield Value(name=f"{name}: ideally", value="kept" if row.kept_ideally else "not kept")
+            largest = row.largest_kept
+            yield Value(name=f"{name}: largest kept", value=largest, better=1, relative=0.1)
+
+
+def tolerance_result(
+    studied: ToleranceStudy, rows: Sequence[Tolerance], *, complete: bool
+) -> Result:
+    """Return the result of a study of tolerances.
+
+    Args:
+        studied: The target.
+        rows: Its tolerances.
+        complete: Whether nothing was interrupted.
+    """
+    target = studied.target
+    checked, differing = confirmed(rows)
+    sheet = ReportTable(
+        table=least_table(rows, f"{target}: tolerances"),
+        charts=list(charts(studied, rows).values()),
+        brief=True,
+    )
+    remarks = []
+    if checked:
+        remarks.append(f"MuJoCo confirmed {checked - differing} of {checked} answers.")
+    return result(
+        "tolerance",
+        studied.configuration(),
+        seed=studied.bench.seed,
+        complete=complete,
+        answers=[_document_answer(target, rows, complete=complete)],
+        standings=_standings(target, rows, complete=complete),
+        sheets=[sheet],
+        remarks=remarks,
+        values=_values(target, rows),
+        target=target,
+        conditions=conditions_document(studied.conditions),
+        imperfections=[_imperfection_document(kind) for kind in studied.imperfections],
+        laws=[_law_document(studied, law) for law in studied.laws],
+        physics={"answers_checked": checked, "answers_that_differ": differing},
+        tolerances=[row.document() for row in rows],
+    )
+
+
+def _document_answer(target: str, rows: Sequence[Tolerance], *, complete: bool) -> Answer:
+    laws = {row.law for row in rows}
+    weak = {row.law for row in rows if not row.kept_ideally}
+    answer = f"{len(laws) - len(weak)} of {len(laws)} laws keep all in every ideal loop"
+    if not complete:
+        answer += ", so far"
+    return Answer(
+        question=f"Tolerance of {target}",
+        verdict=MEASURED if complete else OPEN,
+        words=answer,
+        more=verdict(rows),
+    )
+
+
+def _imperfection_document(kind: Imperfection) -> dict[str, Any]:
+    return {
+        "name": kind.name,
+        "bench": kind.amount(1.0),
+        "amounts": [amount._asdict() for amount in kind.amounts],
+    }
+
+
+def _law_document(studied: ToleranceStudy, law: StudiedLaw) -> dict[str, Any]:
+    requirements = {}
+    for condition in studied.conditions:
+        limits = studied.limits(law, condition)
+        requirements[condition.name] = [limit.words for limit in limits]
+    return {**law_document(law), "requirements": requirements}
+
+
+def tolerances_text(documents: Iterable[Mapping[str, Any]]) -> str:
+    """Return a heading and the table of each document, for ``docs/tolerance.md``."""
+    parts = []
+    for document in documents:
+        least = Table.model_validate(document["sheets"][0]["table"])
+        lines = [line.replace("\n", " ") for line in least.markdown()]
+        checked, differing = document["physics"].values()
+        ending = f"MuJoCo confirmed {checked - differing} of {checked} answers."
+        parts.append("\n".join([f"**{document['target']}**", "", *lines, "", ending]))
+    return "\n\n".join(parts)

@@ -1,0 +1,3 @@
+from . import control, plants
+
+__all__ = ["control", "plants"]

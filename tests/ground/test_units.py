@@ -1,0 +1,88 @@
+"""Units as text: one parser for all spellings, one printer."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from grosmc_mj.experiments.requirements.temporal_text import read_formula
+from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.ground.units import Unit, number_in, rate_unit
+
+# Spellings of one unit.
+SPELLINGS = [
+    ("m/s^2", "m/s²"),
+    ("m/s^2", "m/s**2"),
+    ("m/s^2", "m s^-2"),
+    ("m/s^2", "m·s⁻²"),
+    ("m/s^2", "m/s/s"),
+    ("m/s^2", "m/(s s)"),
+    ("V s/rad", "V/(rad/s)"),
+    ("V s/rad", "V / (rad / s)"),
+    ("N m/rad", "N*m/rad"),
+    ("kg m^2", "kg·m²"),
+    ("m^2/s^2", "(m/s)^2"),
+    ("1/s", "s⁻¹"),
+    ("widgets/s^2", "widgets/s²"),
+]
+
+
+@pytest.mark.parametrize(("unit", "other"), SPELLINGS)
+def test_spellings_of_a_unit_are_one_unit(unit, other) -> None:
+    assert Unit.of(other) == Unit.of(unit)
+    assert number_in(f"3 {other}", unit) == 3.0
+    assert number_in(f"3 {unit}", other) == 3.0
+
+
+@pytest.mark.parametrize("unit", ["m/s^2", "V/(rad/s)", "kg m²", "1/s", "A s", "widgets s/rad^3"])
+def test_a_printed_unit_is_read_as_itself(unit) -> None:
+    assert Unit.of(str(Unit.of(unit))) == Unit.of(unit)
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "number"),
+    [
+        ("5 mV/(deg/s)", "V s/rad", 5e-3 * 180 / math.pi),
+        ("2 cm/s²", "m/s^2", 0.02),
+        # Names that pint knows, in a text that it does not read.
+        ("1 lbf/(ft/s)", "N s/m", 4.4482216152605 / 0.3048),
+        ("3 kΩ", "V/A", 3e3),
+    ],
+)
+def test_a_bracket_and_a_power_are_converted(value, unit, number) -> None:
+    assert number_in(value, unit) == pytest.approx(number, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "written",
+    ["m/", "m)", "(m", "m//s", "m^12", "m^^2", "m^9^9", "(m^9)^9", "()", "/s", "m_s", "m" * 41],
+)
+def test_a_text_that_is_no_unit_is_refused(written) -> None:
+    with pytest.raises(ArgumentError, match="is no unit"):
+        number_in(f"1 {written}", "m")
+
+
+@pytest.mark.parametrize(
+    ("unit", "rate"), [("m", "m/s"), ("m/s", "m/s^2"), ("m/s^2", "m/s^3"), ("A", "A/s")]
+)
+def test_the_rate_of_a_unit_has_one_more_second(unit, rate) -> None:
+    assert rate_unit(unit) == rate
+
+
+@pytest.mark.parametrize("text", ["a < 2 m/s²", "a < 2 m/s^2", "a < 2 m/(s s)", "a < 200 cm/s²"])
+@pytest.mark.parametrize("unit", ["m/s^2", "m/s²"])
+def test_a_formula_reads_any_spelling(text, unit) -> None:
+    read = read_formula(text, {"t": "s", "a": unit})
+    margins = read.formula.margins({"t": np.zeros(1), "a": np.ones(1)}, 1.0)
+    assert margins == pytest.approx([1.0], rel=1e-15)
+    assert read.unit == unit
+
+
+def test_a_number_times_a_signal_over_a_bracket_has_its_unit() -> None:
+    units = {"t": "s", "u": "V", "speed": "rad/s"}
+    read = read_formula("u < 2 V/(rad/s) * speed", units)
+    signals = {"t": np.zeros(1), "u": np.ones(1), "speed": np.full(1, 3.0)}
+    assert read.formula.margins(signals, 1.0) == pytest.approx([5.0], rel=1e-15)
+    assert read.unit == "V"

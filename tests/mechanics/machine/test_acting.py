@@ -1,0 +1,169 @@
+"""Inputs as they act: torques of motors, recorded beside what the law asks for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from case_texts import load
+
+from grosmc_mj.experiments.experiment import Experiment, RunResult
+from grosmc_mj.experiments.requirements.judging import judge_run, unfailing
+from grosmc_mj.simulation.trajectory import load_trajectory
+from grosmc_mj.studies.sweep.runs import Row, run_rows
+
+MODEL = """
+<mujoco model="hinge">
+  <option timestep="0.001" gravity="0 0 0"/>
+  <worldbody>
+    <body name="disk">
+      <joint name="hinge" axis="0 0 1"/>
+      <inertial pos="0 0 0" mass="1" diaginertia="0.01 0.01 0.01"/>
+    </body>
+  </worldbody>
+  <actuator><motor name="voltage" joint="hinge" ctrllimited="true" ctrlrange="-40 40"/></actuator>
+</mujoco>
+"""
+LAW = "def full(t, x, memory, p):\n    return 40.0\n"
+CASE = """
+[plant]
+model = "hinge.xml"
+[run]
+duration = "{duration}"
+control_period = "10 ms"
+[task]
+reference = ["0"]
+Q = [1, 1]
+R = 1
+[[edit]]
+joint = "hinge"
+damping = {damping}
+[[motor]]
+input = "voltage"
+resistance = "2 ohm"
+{motor}
+[[controller]]
+law = "laws:full"
+{more}
+"""
+CONSTANT = 0.1
+PLAIN = 'constant = "0.1 N m/A"\nvoltage = "24 V"\n'
+WARM = 'thermal_resistance = "2 K/W"\nheat_capacity = "0.3 J/K"\n'
+
+
+def case(
+    folder: Path, motor: str, more: str = "", damping: float = 1, duration="2 s"
+) -> Experiment:
+    """A disk on a motor, with all that its voltage gives."""
+    (folder / "hinge.xml").write_text(MODEL)
+    (folder / "laws.py").write_text(LAW)
+    text = CASE.format(duration=duration, damping=damping, motor=motor, more=more)
+    return load(folder, text)
+
+
+def run(folder: Path, motor: str, **keys) -> RunResult:
+    return case(folder, motor, **keys).run("physics", "full")
+
+
+@pytest.mark.parametrize(
+    "motor", [PLAIN + WARM, f"{PLAIN}{WARM}ratio = 3\n", f"{PLAIN}ratio = -3\n"]
+)
+def test_at_a_constant_speed_the_torque_is_that_of_the_damping(tmp_path, motor) -> None:
+    """A winding of a time constant of 0.6 s has warmed up by then; what is asked for stays."""
+    result = run(tmp_path, motor, duration="5 s")
+    trajectory = result.trajectory
+    acting = trajectory.acting
+    assert acting is not None
+    assert acting[-1] == pytest.approx(1.0 * trajectory.state[-2, 1], rel=2e-3)
+    assert acting[-1] < 0.96 * trajectory.input[-1]
+    assert trajectory.input[0] == trajectory.input[-1]
+    assert np.all(trajectory.command == 40.0)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 5.0, -5.0])
+def test_a_voltage_gives_its_torque_less_the_back_emf(tmp_path, ratio) -> None:
+    """torque = n K (V - n K w) / R, with n K V / R = the demanded torque."""
+    trajectory = run(tmp_path, f"{PLAIN}ratio = {ratio}\n", damping=0.05).trajectory
+    assert trajectory.acting is not None
+    speed = trajectory.state[:-1, 1]
+    expected = trajectory.input - (ratio * CONSTANT) ** 2 / 2 * speed
+    np.testing.assert_allclose(trajectory.acting, expected, rtol=1e-9, atol=1e-12)
+    assert trajectory.acting[0] == pytest.approx(trajectory.input[0], rel=1e-12)
+
+
+def test_a_winding_gives_its_current_times_the_constant(tmp_path) -> None:
+    motor = f'{PLAIN}inductance = "20 mH"\nratio = 2\nefficiency = 0.8\n'
+    trajectory = run(tmp_path, motor).trajectory
+    assert trajectory.acting is not None
+    (winding,) = [state for state in trajectory.unseen if state.kind == "winding"]
+    assert trajectory.physics is not None
+    # MuJoCo's force in a timestep is that of the current at its end.
+    current = winding.of(trajectory.physics)[1:]
+    np.testing.assert_allclose(
+        trajectory.acting, 0.8 * CONSTANT * 2 * current, rtol=1e-9, atol=1e-12
+    )
+
+
+REQUIRED = """
+[[requirement]]
+input_below = "0.5 N m"
+[[requirement]]
+always = "abs(voltage) < 0.5 N m"
+"""
+
+
+def test_limits_are_judged_on_what_acts(tmp_path) -> None:
+    """A disk that is turned fast is braked with more than the torque at rest."""
+    experiment = case(tmp_path, f"{PLAIN}ratio = 1\n", REQUIRED).varied(x0=(0.0, -500.0))
+    result = experiment.run("physics", "full")
+    acting = result.trajectory.acting
+    assert acting is not None
+    largest = np.abs(acting).max()
+    assert largest > 2 * np.abs(result.trajectory.input).max()
+    assert [judge_run(limit, result).measured for limit in experiment.limits] == [largest] * 2
+    assert unfailing(experiment.limits, [result]) == []
+
+    outcomes = run_rows(experiment, [Row("full", case=experiment)], plant="physics")
+    margins = [outcomes[f"margin {limit.name}"][0] for limit in outcomes.limits]
+    assert margins == [0.5 - largest] * 2
+
+
+@pytest.mark.parametrize(
+    ("motor", "can_fail"),
+    [
+        (PLAIN, True),
+        (f'{PLAIN}current = "12 A"\n', False),
+        (f'{PLAIN}bandwidth = "500 rad/s"\n', False),
+        (f'{PLAIN}current = "12 A"\ncogging = "1 mN m"\n', True),
+    ],
+)
+def test_a_limit_that_no_motor_exceeds_cannot_fail(tmp_path, motor, can_fail) -> None:
+    required = '[[requirement]]\ninput_below = "40 N m"\n'
+    experiment = case(tmp_path, motor, required, duration="0.01 s")
+    result = experiment.run("physics", "full")
+    assert (unfailing(experiment.limits, [result]) == []) is can_fail
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_what_acts_and_what_is_asked_for_have_names(tmp_path, ending) -> None:
+    result = run(tmp_path, PLAIN)
+    path = result.save(tmp_path / f"run.{ending}")
+    if ending == "csv":
+        header = path.read_text().splitlines()[0]
+        for name in ("voltage [N m]", "voltage given [N m]", "voltage asked [N m]"):
+            assert f'"{name}"' in header
+        return
+    restored = load_trajectory(path)
+    acting = result.trajectory.acting
+    assert acting is not None
+    assert restored.acting is not None
+    np.testing.assert_array_equal(restored.acting, acting)
+    np.testing.assert_array_equal(restored.input, result.trajectory.input)
+
+
+def test_without_a_motor_the_input_is_what_acts(tmp_path) -> None:
+    experiment = Experiment.load("servo/nominal").varied(duration=0.05)
+    trajectory = experiment.run("physics", "lqr").trajectory
+    assert trajectory.acting is None
+    assert trajectory.applied is trajectory.input

@@ -1,0 +1,334 @@
+"""Estimators of a rate and the Kalman filter: exactness, noise and gain."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+import scipy.linalg
+from looped import ANGLE, CURRENT, SPEED, H, played, scripted, seen, servo
+
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import ArgumentError, GainError
+from grosmc_mj.simulation.disturbances import Disturbance
+from grosmc_mj.simulation.loop import Actuator, Computing, Estimator, Loop, Sensor, apply_loop
+from grosmc_mj.simulation.loop.estimators import levant
+from grosmc_mj.simulation.loop.kalman import kalman_gain
+from grosmc_mj.theory.plants import SERVO
+
+EPS = np.finfo(float).eps
+# Slope of Levant's differentiator [rad/s^2], and the rate of a coasting rotor [rad/s].
+L = 10.0
+RATE = 2.0
+# Readings of up to 3 rad, rounded, over a period: a factor for the roundings on the way.
+ROUNDING = 16 * EPS * 3 / H
+
+# Levant's differentiator
+
+
+def differentiated(y: Array) -> Array:
+    """Rates that Levant's differentiator gives."""
+    position = float(y[0])
+    rate = 0.0
+    rates = np.empty(len(y))
+    for i, reading in enumerate(y.tolist()):
+        position, rate = levant(position, rate, reading, L, H)
+        rates[i] = rate
+    return rates
+
+
+@pytest.mark.parametrize("acceleration", [-9.0, 9.0])
+def test_levant_is_exact_below_its_bound(acceleration: float) -> None:
+    """Without chatter: once there it is the slope of the secant, sample by sample."""
+    t = np.arange(2000) * H
+    y = 0.5 * acceleration * t**2
+    expected = acceleration * (t - H / 2)
+    # A difference of two readings over T, each of them rounded.
+    rounding = 4 * EPS * (np.abs(y).max() + 1.0) / H
+    errors = differentiated(y) - expected
+    assert np.abs(errors[-1000:]).max() <= rounding
+
+
+def test_levant_falls_behind_an_acceleration_beyond_its_bound() -> None:
+    """It turns its rate by 1.1 L at most."""
+    t = np.arange(2000) * H
+    rates = differentiated(L * t**2)
+    steps = np.abs(np.diff(rates))
+    assert steps.max() == pytest.approx(1.1 * L * H, rel=1e-9)
+    lag = 2 * L * t[-1] - rates[-1]
+    assert lag >= 0.9 * L * t[-1] * (1 - 1e-2)
+
+
+@pytest.mark.parametrize("e", [1e-4, 1e-2])
+def test_noise_costs_levant_the_root_of_itself(e: float) -> None:
+    """e sin(sqrt(L / e) t) might be the signal itself: it must be followed, to a rate sqrt(L e).
+
+    Left out are the secant instead of the slope, less (w T)^2 / 24, and that samples miss the
+    crest, less (w T)^2 / 8.
+    """
+    w = math.sqrt(L / e)
+    samples = round(20 * 2 * math.pi / (w * H))
+    t = np.arange(samples) * H
+    rates = differentiated(e * np.sin(w * t))
+    largest = np.abs(rates[samples // 2 :]).max()
+    ratio = largest / math.sqrt(L * e)
+    assert 1 - (w * H) ** 2 / 6 <= ratio <= 1 + 1e-9
+
+
+# Estimators of a rate
+
+
+def coasting(law: Any, samples: int = 1500, *, settled: bool = False, **number: float) -> Array:
+    """Error of an estimate while the rotor turns at a constant rate, held by its input.
+
+    An extended observer gets 0.3 A, which a constant load makes up for.
+    """
+    p = servo().parameters
+    observer = law == "eso"
+    if observer:
+        u = 0.3
+        load = p.Kt * u - p.B * RATE
+        disturbances = [Disturbance("rotor", (0, 0, 0, 0, load, 0))]
+    else:
+        u = p.B * RATE / p.Kt
+        disturbances = []
+
+    estimator = Estimator((SPEED,), law, settled=settled, **number)
+    run = played(
+        np.full(samples, u),
+        Loop(estimators=(estimator,)),
+        x0=(0.0, RATE),
+        modelled=observer,
+        disturbances=disturbances,
+    )
+    np.testing.assert_allclose(run.state[:, 1], RATE, rtol=1e-12)
+    return seen(run)[:, 1] - run.state[:-1, 1]
+
+
+@pytest.mark.parametrize(
+    ("law", "number"),
+    [
+        ("difference", {}),
+        ("filtered", {"time_constant": 5e-3}),
+        ("levant", {"slope": 20.0}),
+        ("high-gain", {"bandwidth": 50.0}),
+        ("eso", {"bandwidth": 50.0}),
+    ],
+)
+def test_a_constant_rate_is_estimated_exactly_in_the_end(law: str, number: dict[str, Any]) -> None:
+    error = coasting(law, **number)
+    assert error[0] == -RATE
+    assert np.abs(error[-100:]).max() < ROUNDING
+
+
+@pytest.mark.parametrize(
+    ("law", "number"),
+    [
+        ("difference", {}),
+        ("filtered", {"time_constant": 5e-3}),
+        ("levant", {"slope": 20.0}),
+        ("high-gain", {"bandwidth": 50.0}),
+    ],
+)
+def test_a_settled_estimator_is_exact_from_the_start(law: str, number: dict[str, Any]) -> None:
+    error = coasting(law, 200, settled=True, **number)
+    assert np.abs(error).max() < ROUNDING
+
+
+def test_a_filtered_rate_begins_with_the_pole_that_it_is_tuned_for() -> None:
+    error = coasting("filtered", time_constant=5e-3)
+    decay = -RATE * np.exp(-np.arange(50) / 5)
+    assert np.abs(error[:50] - decay).max() <= ROUNDING
+
+
+def test_a_high_gain_observer_begins_with_the_double_pole_that_it_is_tuned_for() -> None:
+    error = coasting("high-gain", bandwidth=50.0)
+    pole = math.exp(-50.0 * H)
+    residual = error[2:] - 2 * pole * error[1:-1] + pole**2 * error[:-2]
+    assert np.abs(residual).max() < 4 * ROUNDING
+    assert error[20] < -0.5
+
+
+def largest_error_of_rate(estimator: Estimator, stride: int, *, predict: bool) -> float:
+    """Largest error of an estimated rate under random inputs that arrive late."""
+    u = np.random.default_rng(0).normal(size=200)
+    loop = Loop(
+        Computing(delay=4 * H),
+        (Sensor(ANGLE, noise=1e-12, delay=2 * H),),
+        (estimator,),
+        (Actuator(CURRENT, delay=2 * H),),
+    )
+    run = played(u, loop, stride=stride, modelled=True, predict=predict)
+    # A measurement is 2 timesteps old; between samples it grows older.
+    errors = seen(run)[2:, 1] - run.state[:-3, 1]
+    return np.abs(errors[::stride]).max()
+
+
+@pytest.mark.parametrize("stride", [1, 2])
+@pytest.mark.parametrize(
+    "estimator",
+    [
+        Estimator((SPEED,), "eso", bandwidth=50.0),
+        Estimator((SPEED,), "kalman", load=1e-6),
+    ],
+)
+def test_observers_know_when_an_input_arrives(estimator: Estimator, stride: int) -> None:
+    """With the loop known they are right while the input jumps; without they are far off.
+
+    A rate gains Kt/J u h in a timestep; the observer's position, which takes the acceleration as
+    constant, is off by B h/J of that a sample. |u| is below 4. The noise is 2e-9 in the rate.
+    """
+    p = servo().parameters
+    gained_rate = 4 * p.Kt / p.J * H
+    bound = gained_rate * p.B * H / p.J * stride**2
+    assert largest_error_of_rate(estimator, stride, predict=True) < bound
+    assert bound < 0.1 * largest_error_of_rate(estimator, stride, predict=False)
+
+
+# The Kalman filter: as much load in a sample as noise, so that it forgets at once
+
+NOISE = 1e-5
+LOAD = 1.0
+
+
+def held_servo() -> tuple[Array, Array]:
+    """Transition of the servo over a timestep, by its state and by its input."""
+    p = servo().parameters
+    rates = np.array(
+        [
+            [0.0, 1.0, 0.0],
+            [0.0, -p.B / p.J, p.Kt / p.J],
+            [0.0, 0.0, 0.0],
+        ]
+    )
+    transition = scipy.linalg.expm(rates * H)
+    return transition[:2, :2], transition[:2, 2:]
+
+
+def expected_gain(noise: float, load: float) -> Array:
+    A, B = held_servo()
+    return kalman_gain(A, B, [0], np.array([noise**2]), load)
+
+
+def gain_of(noise: float, load: float, of: str = ANGLE, resolution: float = 0.0) -> Array:
+    """Gain of the filter in a loop with one sensor."""
+    loop = Loop(
+        sensors=(Sensor(of, resolution, noise=noise),),
+        estimators=(Estimator((ANGLE, SPEED), "kalman", load=load),),
+    )
+    return apply_loop(loop, scripted([0.0], modelled=True), SERVO).start.software.gain
+
+
+each_noise = pytest.mark.parametrize(("noise", "load"), [(1e-3, 1e-2), (1e-7, 1.0)])
+
+
+@each_noise
+def test_the_gain_is_python_control_s(noise: float, load: float) -> None:
+    """Theirs is of the predicted state, A times ours; two solvers of one Riccati equation."""
+    A, B = held_servo()
+    C = np.array([[1.0, 0.0]])
+    theirs, *_ = control.dlqe(A, B, C, load**2, noise**2)
+    np.testing.assert_allclose(A @ expected_gain(noise, load), theirs, rtol=1e-6)
+
+
+@each_noise
+def test_the_gain_of_a_loop_is_that_of_the_linear_model(noise: float, load: float) -> None:
+    """Differences over 1e-6 of a linear model are off by rounding: 1e-16 / 1e-6, over h."""
+    expected = np.hstack([expected_gain(noise, load), np.zeros((2, 1))])
+    np.testing.assert_allclose(gain_of(noise, load), expected, rtol=1e-6)
+
+
+@each_noise
+def test_a_resolution_counts_as_noise_of_a_twelfth_of_its_square(noise: float, load: float) -> None:
+    rounded = gain_of(0.0, load, resolution=noise * 12**0.5)
+    np.testing.assert_allclose(gain_of(noise, load), rounded, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("settled", "start"), [(False, 0.0), (True, 2.0)])
+def test_a_filter_begins_at_the_true_state_or_at_zero(settled: bool, start: float) -> None:
+    estimator = Estimator((SPEED,), "kalman", load=LOAD, settled=settled)
+    loop = Loop(sensors=(Sensor(ANGLE, noise=NOISE),), estimators=(estimator,))
+    run = played(np.zeros(50), loop, x0=(0.0, 2.0), modelled=True)
+    estimates = seen(run)
+    # Its error is of the order of what a load of 1 A does to the rate in a sample.
+    assert estimates[-1, 1] == pytest.approx(run.state[-2, 1], abs=0.05)
+    # A first reading of pure noise, within five of its deviations.
+    gain = expected_gain(NOISE, LOAD)
+    assert abs(estimates[0, 1] - start) < 5 * gain[1, 0] * NOISE
+    # A state that the filter does not give stays as it was measured.
+    assert estimates[0, 0] != 0.0
+
+
+def test_a_filter_waits_for_the_first_measurement_after_the_start() -> None:
+    """Its oldest measurement is of the start of a moving rotor until then."""
+    loop = Loop(
+        sensors=(Sensor(ANGLE, noise=NOISE, delay=4 * H),),
+        estimators=(Estimator((ANGLE, SPEED), "kalman", load=LOAD),),
+    )
+    run = played(np.zeros(8), loop, x0=(0.0, 2.0), modelled=True)
+    estimates = seen(run)
+    np.testing.assert_array_equal(estimates[:5], estimates[:1].repeat(5, 0))
+    assert np.all(np.diff(estimates[4:, 0]) > H)
+
+
+@pytest.mark.parametrize(
+    ("noise", "load", "of"),
+    [
+        # Numbers too far apart, for which SciPy finds a filter that diverges.
+        (1e-12, 1e-3, ANGLE),
+        # A hidden position.
+        (1e-3, LOAD, SPEED),
+    ],
+)
+def test_a_filter_that_cannot_be_is_refused(noise: float, load: float, of: str) -> None:
+    with pytest.raises(GainError, match="kalman: no steady filter"):
+        gain_of(noise, load, of)
+
+
+# Rates that nothing is said of
+
+ENCODER = Sensor(ANGLE, 1e-3)
+ROTOR = np.sin(np.arange(60) / 5.0)
+
+
+def seen_speeds(*sensors: Sensor, estimators: tuple[Estimator, ...] = ()) -> Array:
+    """Speeds that the law gets in a loop with these parts."""
+    return seen(played(ROTOR, Loop(sensors=sensors, estimators=estimators)))[:, 1]
+
+
+def test_the_rate_of_a_measured_position_is_differenced() -> None:
+    differenced = seen_speeds(ENCODER, estimators=(Estimator((SPEED,), "difference"),))
+    np.testing.assert_array_equal(seen_speeds(ENCODER), differenced)
+
+
+def test_an_exact_sensor_gives_the_rate_itself() -> None:
+    sensors = (ENCODER, Sensor(SPEED, exact=True))
+    run = played(ROTOR, Loop(sensors=sensors))
+    np.testing.assert_array_equal(seen(run)[:, 1], run.state[:-1, 1])
+
+
+def test_the_rate_of_a_position_without_a_sensor_is_known_exactly() -> None:
+    run = played(ROTOR, Loop(Computing(delay=H)))
+    np.testing.assert_array_equal(seen(run)[:, 1], run.state[:-1, 1])
+
+
+@pytest.mark.parametrize(
+    ("loop", "names"),
+    [
+        (Loop(), []),
+        (Loop(sensors=(ENCODER,)), []),
+        (Loop(sensors=(ENCODER, Sensor(SPEED, exact=True))), [SPEED]),
+        (Loop(sensors=(ENCODER, Sensor(SPEED))), [SPEED]),
+        (Loop(sensors=(ENCODER, Sensor(SPEED, noise=1.0))), []),
+    ],
+)
+def test_a_loop_tells_which_rates_are_known_exactly(loop: Loop, names: list[str]) -> None:
+    assert loop.completed(SERVO).exact_rates(SERVO) == names
+
+
+def test_an_exact_sensor_has_no_other_number() -> None:
+    with pytest.raises(ArgumentError, match="exact = true is an ideal sensor: leave its other"):
+        Sensor(ANGLE, resolution=1e-3, exact=True)

@@ -1,0 +1,146 @@
+"""Prediction over the dead time that a law knows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from looped import CURRENT, H, nominal, played, seen, servo
+
+from grosmc_mj.experiments.experiment import run_on
+from grosmc_mj.simulation.disturbances import Disturbance
+from grosmc_mj.simulation.loop import Actuator, AppliedLoop, Computing, Loop, Sensor, apply_loop
+from grosmc_mj.simulation.trajectory import Trajectory
+from grosmc_mj.theory.plants import SERVO
+
+
+def dead_time(loop: AppliedLoop) -> float:
+    """Dead time that the law of a loop knows, in timesteps."""
+    return float(loop.start.software.setup["dead"][0])
+
+
+def time_ahead(loop: AppliedLoop) -> float:
+    """Time from a sample to the arrival of its output, as the law of a loop knows it [s]."""
+    return float(loop.start.software.setup["ahead"][0])
+
+
+def midpoint_error(run: Trajectory, steps: int) -> float:
+    """Error of steps of x' = Ax + Bu: each h^3 |A^2 x'| / 6, and terms of higher order."""
+    A = nominal().plant("corrected").linearization()[0]
+    rates = np.diff(run.state, axis=0) / H
+    third_derivative = np.linalg.norm(A, 2) ** 2 * np.abs(rates).max()
+    return steps * H**3 * float(third_derivative) / 6
+
+
+def sensors_of_age(age: int) -> tuple[Sensor, ...]:
+    """Sensors of all states that are some timesteps late."""
+    return tuple(Sensor(state.name, delay=age * H) for state in SERVO.states)
+
+
+@pytest.mark.parametrize(
+    ("delay", "age", "sent"),
+    [
+        (2, 3, 1),
+        (0, 4, 0),
+    ],
+)
+def test_the_age_of_a_measurement_is_predicted_too(delay: int, age: int, sent: int) -> None:
+    """The law gets the state when its output arrives, but for the midpoint rule's steps.
+
+    The start moves, and measurements are of the start until they are as old as their sensors say.
+    """
+    loop = Loop(
+        Computing(delay=delay * H),
+        sensors_of_age(age),
+        actuators=(Actuator(CURRENT, delay=sent * H, limit=0.7),),
+    )
+    u = np.random.default_rng(5).normal(size=120)
+    ahead = delay + sent
+    run = played(u, loop, x0=(0.4, 3.0), modelled=True, predict=True)
+    predicted = run.memory["x"][: len(u) - ahead]
+    error = midpoint_error(run, ahead + age)
+    assert error < 1e-3 * np.abs(predicted).max()
+    # The limit of the actuator is reached.
+    assert np.abs(run.command).max() > 0.7
+
+    np.testing.assert_allclose(predicted, run.state[ahead:-1], rtol=0, atol=error)
+    np.testing.assert_array_equal(seen(run)[age:], run.state[: -1 - age])
+    np.testing.assert_array_equal(seen(run)[:age, 0], 0.4)
+
+
+def test_a_load_that_the_model_lacks_is_learned() -> None:
+    """A constant load changes the rate over the dead time by d h w/J, which prediction misses.
+
+    It learns by the share 1 - exp(-0.1/d) of a sample, so exp(-10) of it is left after 100 d. The
+    model's own rate falls by B h/J of itself on the way.
+    """
+    steps = 5
+    load = 0.1
+    disturbance = Disturbance("rotor", (0, 0, 0, 0, load, 0))
+    run = played(
+        np.zeros(100 * steps),
+        Loop(Computing(delay=steps * H)),
+        modelled=True,
+        predict=True,
+        disturbances=[disturbance],
+    )
+    predicted = run.memory["x"][:-steps, 1]
+    error = predicted - run.state[steps:-1, 1]
+    missed = steps * H * load / servo().parameters.J
+    assert error[0] == pytest.approx(missed, rel=1e-2)
+    assert abs(error[-1] / error[0]) < 1e-3
+
+
+def predicting(loop: Loop, known: Loop | None = None) -> AppliedLoop:
+    """A loop around the servo's LQR, which predicts."""
+    law = nominal().law("corrected", "lqr")
+    return apply_loop(loop, law, SERVO, predict=True, known=known)
+
+
+@pytest.mark.parametrize(
+    ("order", "lag", "steps"),
+    [
+        (1, 3e-3, 3),
+        (2, 3e-3, 6),
+        (2, 0.7e-3, 1),
+        (1, 0.4e-3, 0),
+    ],
+)
+def test_a_lag_counts_as_a_delay_of_its_time_constants(order: int, lag: float, steps: int) -> None:
+    actuator = Actuator(CURRENT, lag=lag, order=order)
+    loop = predicting(Loop(actuators=(actuator,)))
+    assert dead_time(loop) == steps
+    # The law's first output arrives then: a surface begins there.
+    assert time_ahead(loop) == pytest.approx(steps * H)
+
+
+def test_the_age_of_a_measurement_is_dead_time_before_the_sample() -> None:
+    loop = predicting(Loop(sensors=sensors_of_age(2)))
+    assert dead_time(loop) == 2.0
+    assert time_ahead(loop) == 0.0
+
+
+def test_a_law_may_know_another_loop_than_the_real_one() -> None:
+    real = Loop(Computing(delay=4 * H))
+    loop = predicting(real, known=Loop())
+    assert dead_time(loop) == 0.0
+
+
+def cost_over_optimum(*, predict: bool) -> float:
+    """J over J* of the servo's discrete-time surface under a dead time."""
+    experiment = nominal(switching="implicit", surface="discrete")
+    law = experiment.law("corrected", "grosmc")
+    loop = apply_loop(Loop(Computing(delay=5 * H)), law, SERVO, predict=predict)
+    metrics = run_on(experiment, "corrected", law, experiment.plant("corrected"), loop).metrics
+    cost = metrics["cost_whole"].value
+    optimum = metrics["cost_optimal"].value
+    assert cost is not None
+    assert optimum is not None
+    return cost / optimum
+
+
+def test_a_known_dead_time_costs_nothing() -> None:
+    assert 0.99 < cost_over_optimum(predict=True) < 1.01
+
+
+def test_an_unknown_dead_time_costs_much() -> None:
+    assert cost_over_optimum(predict=False) > 10

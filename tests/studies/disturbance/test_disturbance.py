@@ -1,0 +1,449 @@
+"""The worst disturbance: of a linear loop, of the servo's bench, its case file, wrong options."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import control
+import numpy as np
+import pytest
+from commands import Screen, assert_one_line, run
+
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.requirements.judging import judge_run
+from grosmc_mj.studies.disturbance.answer import (
+    case_text,
+    charts,
+    disturbance_film,
+    disturbance_result,
+    words_of,
+)
+from grosmc_mj.studies.disturbance.disturbance import (
+    DisturbanceStudy,
+    WorstDisturbance,
+    disturbance_study,
+)
+from grosmc_mj.studies.disturbance.signal_search import SignalSearch
+
+# L = 25/(s^3 + 10 s^2 + 10 s + 10) under unit feedback, and a disturbance of its input.
+PLANT = """
+import sympy as sp
+import grosmc_mj as gm
+x1, x2, x3 = sp.symbols("x1 x2 x3")
+def third_order():
+    return gm.affine_plant("third", states={"x1": "rad", "x2": "rad/s", "x3": "rad/s^2"},
+        inputs={"u": "A"}, f=[x2, x3, -10 * x1 - 10 * x2 - 10 * x3], g=[0, 0, 25], h=[x1],
+        parameters={})
+def law(t, x, memory, p):
+    return -x[0]
+"""
+LINEAR = """
+[plant]
+plant = "third:third_order"
+[run]
+duration = "20 s"
+control_period = "{period}"
+timestep = "{period}"
+[task]
+Q = [1, 1, 1]
+R = 1
+[[controller]]
+law = "third:law"
+[[requirement]]
+{requirement}
+"""
+STAYS = 'stays_within = "1 rad"'
+# The servo's rotor held at its reference on the bench.
+HELD = """
+[plant]
+system = "servo"
+[run]
+start = { "rotor angle" = "1 rad" }
+duration = "5 s"
+timestep = "0.5 ms"
+[computing]
+delay = "1 ms"
+[[sensor]]
+of = "rotor angle"
+resolution = "1.534 mrad"
+[[estimator]]
+of = "rotor speed"
+law = "eso"
+bandwidth = "100 rad/s"
+[[actuator]]
+of = "current"
+limit = "4 A"
+[[disturbance]]
+body = "rotor"
+torque = ["0 N m", "0.5 N m", "0 N m"]
+profile = "pulse"
+start = "1 s"
+stop = "4 s"
+[[controller]]
+law = "lqr"
+[[controller]]
+law = "grosmc"
+switching = "implicit"
+surface = "discrete"
+[[requirement]]
+stays_within = "20 mrad"
+"""
+
+
+def linear(folder: Path, requirement: str = STAYS, period: str = "10 ms") -> Path:
+    """Case file of the linear loop."""
+    (folder / "third.py").write_text(PLANT)
+    path = folder / "linear.toml"
+    path.write_text(LINEAR.format(requirement=requirement, period=period))
+    return path
+
+
+def held(folder: Path) -> Path:
+    """Case file of the held servo."""
+    path = folder / "held.toml"
+    path.write_text(HELD)
+    return path
+
+
+def found_for_lqr(path: Path, bound: str, **options) -> WorstDisturbance:
+    """Worst disturbance of the held servo's rotor under LQR."""
+    study = disturbance_study(str(path), "rotor", bound, ["lqr"], pieces=10, **options)
+    return study.find("lqr", lambda _: None)
+
+
+# -- the search ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("requirement", [STAYS, 'always = "abs(x1) < 1 rad"'])
+def test_the_worst_of_a_linear_loop_is_the_l1_norm_of_its_impulse_response(
+    tmp_path, requirement
+) -> None:
+    """2.613 of any signal; 80 pieces over 20 s, sampled at 1 ms, reach 2.603 of it."""
+    loop = control.feedback(control.tf([25], [1, 10, 10, 10]), 1)
+    time = np.linspace(0, 60, 60001)
+    _, response = control.impulse_response(loop, time)
+    norm = np.trapezoid(np.abs(response), time)
+    assert norm == pytest.approx(2.613, abs=1e-3)
+
+    path = linear(tmp_path, requirement, "1 ms")
+    study = disturbance_study(str(path), "u", "1 A", pieces=80)
+    search = study.search("law", study.disturbance, 80)
+    search.pulses()
+    assert search.share == pytest.approx(2.603, abs=1e-3)
+    found = search.share
+    search.flips(400)
+    assert search.share == pytest.approx(found, rel=1e-6)
+
+
+def test_random_telegraphs_find_less_than_pulses_on_a_linear_loop(tmp_path) -> None:
+    study = disturbance_study(str(linear(tmp_path)), "u", "1 A", pieces=40)
+    found = study.find("law", lambda _: None)
+    assert found.telegraph_share < found.search_share
+    assert not found.telegraph_won
+    assert found.change <= 0.05
+
+
+def test_twice_the_bound_is_twice_the_share_of_a_linear_loop(tmp_path) -> None:
+    study = disturbance_study(str(linear(tmp_path)), "u", "1 A", pieces=20)
+    shares = []
+    for factor in (1.0, 2.0):
+        search = study.search("law", study.disturbance.scaled(factor), 20)
+        search.pulses()
+        shares.append(search.share)
+    assert shares[1] == pytest.approx(2 * shares[0], rel=1e-9)
+
+
+def test_the_largest_bound_of_a_linear_loop_is_the_inverse_of_its_norm(tmp_path) -> None:
+    study = disturbance_study(str(linear(tmp_path)), "u", "1 A", pieces=20)
+    search = study.search("law", study.disturbance, 20)
+    search.pulses()
+    low, high = study.largest("law", lambda _: None)
+    assert low <= 1 / search.share <= high
+    assert high <= low * 1.06
+
+
+def test_flips_find_what_pulses_do_not() -> None:
+    """Of a function that is no linear loop's: pieces count only if their neighbours differ."""
+
+    def shares(signals):
+        return -np.sum(signals[:, 1:] * signals[:, :-1], axis=1) / 9
+
+    search = SignalSearch(shares, lambda signals: np.zeros((len(signals), 1)), size=10)
+    search.pulses()
+    assert search.share == -1
+    search.flips(2000)
+    assert search.share == 1
+
+
+def test_a_slewed_disturbance_keeps_both_bounds(tmp_path) -> None:
+    study = disturbance_study(str(held(tmp_path)), "rotor", "1 N m", slew="2 N m/s")
+    generator = np.random.default_rng(0)
+    profile = study.disturbance.profile(generator.choice([-1.0, 1.0], 40))
+    values = np.array(profile.values)
+    assert np.abs(values).max() == 1
+    rates = np.diff(values) / profile.hold
+    assert np.abs(rates).max() == pytest.approx(2, rel=1e-9)
+    assert len(values) * profile.hold >= 5
+
+
+def test_a_slewed_disturbance_is_less_bad(tmp_path) -> None:
+    path = held(tmp_path)
+    quick = found_for_lqr(path, "10 mN m")
+    slow = found_for_lqr(path, "10 mN m", slew="10 mN m/s")
+    assert slow.share < quick.share
+
+
+def test_a_start_within_bounds_is_part_of_the_search(tmp_path) -> None:
+    path = held(tmp_path)
+    found = found_for_lqr(path, "10 mN m", starts=["rotor angle=5 mrad"])
+    assert abs(found.signal[-1]) == 1
+    assert len(found.signal) == found.pieces + 1
+    assert found.share > found_for_lqr(path, "10 mN m").share
+
+
+# -- the command -----------------------------------------------------------------------------------
+
+
+def test_the_case_file_replays_what_was_found(tmp_path, capsys: Screen) -> None:
+    path = held(tmp_path)
+    options = ("--on", "rotor", "--bound", "0.5 N m", "--pieces", "20", "--out", tmp_path)
+    assert run("study", "disturbance", path, *options) == 1
+    screen = capsys.readouterr().out
+    assert "times a 3 s pulse" in screen
+    assert "telegraph" in screen
+
+    document = json.loads((tmp_path / "disturbance_held.json").read_text())
+    assert document["kind"] == "disturbance"
+    assert document["complete"]
+    for found in document["found"]:
+        case = Experiment.load(tmp_path / f"disturbance_held_{found['law']}.toml")
+        assert len(case.disturbances) == 1
+        (limit,) = case.limits
+        shares = {
+            plant: judge_run(limit, case.run(plant, found["law"])).share
+            for plant in ("corrected", "physics")
+        }
+        assert shares == {"corrected": found["share"], "physics": found["confirmed"]}
+    by_law = {found["law"]: found["share"] for found in document["found"]}
+    assert by_law["grosmc"] < 1 < by_law["lqr"]
+
+
+def test_the_film_shows_the_worst_disturbance_beside_the_compared_one(tmp_path) -> None:
+    path = held(tmp_path)
+    study = disturbance_study(str(path), "rotor", "0.5 N m", ["lqr"], pieces=10)
+    found = study.find("lqr", lambda _: None)
+    film = disturbance_film(study, found)
+    assert [take.label for take in film.takes] == ["a 3 s pulse", "worst found"]
+
+    replayed = tmp_path / "replayed.toml"
+    replayed.write_text(case_text(study, found))
+    run_of_file = Experiment.load(replayed).run("physics", "lqr")
+    assert np.array_equal(film.takes[1].run.state, run_of_file.trajectory.state)
+
+
+def test_the_figure_shows_the_quantity_that_is_nearest_to_its_limit(tmp_path) -> None:
+    path = held(tmp_path)
+    study = disturbance_study(str(path), "rotor", "10 mN m", ["lqr"], pieces=10)
+    found = study.find("lqr", lambda _: None)
+    signal, course = charts(study, found)
+    assert [series.name for series in signal.lines] == ["a 3 s pulse", "worst found"]
+    assert np.abs([y for y in signal.lines[1].y if y is not None]).max() == pytest.approx(0.01)
+    assert course.limit == 0.02
+    largest = [max(abs(y) for y in series.y if y is not None) for series in course.lines]
+    assert largest[1] == pytest.approx(found.share * 0.02, rel=0.01)
+    assert largest[0] == pytest.approx(found.compared_share * 0.02, rel=0.01)
+
+
+def test_a_study_that_was_interrupted_is_open_unless_a_law_has_failed(tmp_path) -> None:
+    path = held(tmp_path)
+    verdicts = {}
+    for bound in ("1 mN m", "0.5 N m"):
+        study = disturbance_study(str(path), "rotor", bound, ["lqr"], pieces=10)
+        found = study.find("lqr", lambda _: None)
+        for complete in (True, False):
+            document = disturbance_result(study, [found], complete=complete)
+            verdicts[bound, complete] = document.answers[0].verdict
+    assert verdicts == {
+        ("1 mN m", True): "kept",
+        ("1 mN m", False): "not decided",
+        ("0.5 N m", True): "not kept",
+        ("0.5 N m", False): "not kept",
+    }
+
+
+def test_a_requirement_that_no_signal_touches_has_a_share_of_nothing(tmp_path) -> None:
+    """The disturbance acts from the start on: there is nothing to recover from."""
+    requirement = 'recovers_within = "1 s"\nband = "0.1 rad"'
+    study = disturbance_study(str(linear(tmp_path, requirement)), "u", "1 A", pieces=4)
+    worst = study.find("law", lambda _: None)
+    assert (worst.share, worst.change) == (0.0, 0.0)
+    assert words_of(study, worst).startswith("law: 0 of recovers within 1 s")
+
+
+def test_resume_searches_only_what_is_missing(tmp_path, capsys: Screen, monkeypatch) -> None:
+    path = linear(tmp_path)
+    command = ("study", "disturbance", path, "--on", "u", "--bound", "1 A", "--pieces", "10")
+    out = ("--out", tmp_path)
+    run(*command, *out)
+    first = capsys.readouterr().out
+    monkeypatch.setattr(SignalSearch, "judge", None)
+    run(*command, *out, "--resume")
+    assert capsys.readouterr().out == first
+
+
+def test_a_finished_law_is_not_read_if_its_code_changes(tmp_path) -> None:
+    target = str(linear(tmp_path))
+    (before,) = disturbance_study(target, "u", "1 A").cells()
+    code = tmp_path / "third.py"
+    code.write_text(code.read_text().replace("return -x[0]", "return -2 * x[0]"))
+    (after,) = disturbance_study(target, "u", "1 A").cells()
+    assert before.key == after.key
+    assert before.depends_on != after.depends_on
+
+
+def test_resume_goes_on_between_the_worst_signal_and_the_largest_bound(
+    tmp_path, capsys: Screen, monkeypatch
+) -> None:
+    command = ("study", "disturbance", linear(tmp_path), "--on", "u", "--bound", "1 A")
+    options = ("--pieces", "10", "--out", tmp_path)
+    run(*command, *options)
+    capsys.readouterr()
+
+    def searched_again(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(DisturbanceStudy, "find", searched_again)
+    run(*command, *options, "--largest", "--resume")
+    assert "all is kept up to" in capsys.readouterr().out
+
+
+def unruly(folder: Path, law: str, limit: str = "5 rad") -> Path:
+    """Case file of the servo under a law that is written in Python."""
+    (folder / "mine.py").write_text(f"def law(t, x, memory, p, u):\n    u[0] = {law}\n")
+    path = folder / "unruly.toml"
+    path.write_text(
+        '[plant]\nsystem = "servo"\n[run]\nduration = "0.1 s"\n'
+        'start = { "rotor angle" = "0 rad" }\n[[controller]]\nlaw = "mine:law"\n'
+        f'[[requirement]]\nstays_within = "{limit}"\n'
+    )
+    return path
+
+
+def test_a_law_that_is_not_a_number_from_the_start_fails_without_any_disturbance(
+    tmp_path, capsys: Screen
+) -> None:
+    path = unruly(tmp_path, 'x[0] * float("nan")')
+    options = ("--on", "current", "--bound", "1 A", "--largest", "--out", tmp_path)
+    assert run("study", "disturbance", path, *options) == 1
+    assert "law: the run ends early without any disturbance" in capsys.readouterr().out
+    document = json.loads((tmp_path / "disturbance_unruly.json").read_text())
+    assert document["found"][0]["runs"] == 1
+
+
+def test_what_fails_without_any_disturbance_is_said_first(tmp_path, capsys: Screen) -> None:
+    """It stands 1 rad from its reference, and must stay within 0.5."""
+    path = unruly(tmp_path, "0.0", "0.5 rad")
+    options = ("--on", "current", "--bound", "1 A", "--pieces", "2", "--out", tmp_path)
+    assert run("study", "disturbance", path, *options, "--largest") == 1
+    screen = capsys.readouterr().out
+    assert screen.startswith("Without any disturbance law: not kept.")
+    assert "law: not kept without any disturbance, 2 of the limit; " in screen
+    assert "all is kept" not in screen
+
+
+@pytest.mark.parametrize("bound", ["1e308 A", "-1e308 A", "1e200 A"])
+def test_a_bound_beyond_any_number_ends_the_run(tmp_path, capsys: Screen, bound) -> None:
+    path = unruly(tmp_path, "0.0")
+    options = ("--on", "current", "--bound", bound, "--pieces", "2", "--out", tmp_path)
+    code = run("study", "disturbance", path, *options)
+    screen = capsys.readouterr()
+    if bound.startswith("-"):
+        assert code == 2
+        assert "--bound '-1e308 A' must be positive" in screen.err
+    else:
+        assert code == 1
+        assert "law: the run ends early" in screen.out
+
+
+def test_a_search_that_ends_at_its_limit_says_at_least(tmp_path, capsys: Screen) -> None:
+    """1 nA and a thousand times as much move the rotor by nothing."""
+    path = unruly(tmp_path, "0.0")
+    options = ("--on", "current", "--bound", "1e-9 A", "--pieces", "2", "--out", tmp_path)
+    assert run("study", "disturbance", path, *options, "--largest", "--requirement", "any") == 0
+    screen = capsys.readouterr().out.replace("\n", " ")
+    assert "all is kept up to 1e-06 A at least" in screen
+    assert "≥1e-06" in screen
+
+
+def test_both_ends_of_the_largest_bound_are_told(tmp_path, capsys: Screen) -> None:
+    command = ("study", "disturbance", linear(tmp_path), "--on", "u", "--bound", "1 A")
+    run(*command, "--pieces", "10", "--largest", "--out", tmp_path)
+    screen = capsys.readouterr().out.replace("\n", " ")
+    (found,) = json.loads((tmp_path / "disturbance_linear.json").read_text())["found"]
+    kept, failed = found["largest"]
+    assert kept < failed <= 1.05 * kept
+    assert f"all is kept up to {kept:.3g} and not at {failed:.3g} A" in screen
+
+
+@pytest.mark.parametrize(("bound", "size"), [("0.1", 0.1), ("+2e-1", 0.2)])
+def test_an_input_without_a_unit_has_a_bound_without_one(tmp_path, bound, size) -> None:
+    path = linear(tmp_path)
+    code = tmp_path / "third.py"
+    code.write_text(code.read_text().replace('"u": "A"', '"u": "1"'))
+    study = disturbance_study(str(path), "u", bound)
+    assert study.disturbance.bound == size
+
+
+def test_nothing_is_to_be_written_into_the_package(tmp_path, capsys: Screen) -> None:
+    command = ("study", "disturbance", "maglev/warm", "--on", "voltage", "--bound", "1 V")
+    assert run(*command, "--out", tmp_path) == 2
+    error = capsys.readouterr().err
+    assert_one_line(error)
+    assert "copy " in error
+    assert "give --out" not in error
+
+
+WRONG = {
+    ("--on", "wheel", "--bound", "1 N m"): "unknown body, input or state 'wheel'",
+    ("--on", "rotor", "--bound", "1 A"): "--bound '1 A': on a body it is a force or a torque",
+    ("--on", "current", "--bound", "1 N m"): '--bound: "1 N m" cannot be converted to A',
+    ("--on", "rotor", "--bound", "-1 N m"): "--bound '-1 N m' must be positive",
+    ("--on", "rotor", "--bound", "0 N m"): "--bound '0 N m' must be positive",
+    ("--on", "rotor", "--bound", "1 N m", "--slew", "1 N m"): '--slew: "1 N m" cannot be converted',
+    ("--on", "rotor", "--bound", "1 N m", "--axis", "w"): "unknown axis 'w'",
+    ("--on", "current", "--bound", "1 A", "--axis", "x"): "--axis x: current is no body",
+    ("--on", "rotor", "--bound", "1 N m", "--start", "rotor angle"): 'write "STATE=BOUND"',
+    ("--on", "rotor", "--bound", "1 N m", "--start", "angle=1 rad"): "angle",
+    ("--on", "rotor", "--bound", "1 N m", "--requirement", "rms"): "unknown requirement",
+    ("--on", "rotor", "--bound", "1 N m", "--requirement", "rms_below"): (
+        "rms_below is not required of lqr"
+    ),
+    ("--on", "rotor", "--bound", "1 N m", "--pieces", "1"): "--pieces 1 must be from 2 to 640",
+    ("--on", "rotor", "--bound", "1 N m", "--laws", "pid"): "unknown law 'pid'",
+    ("--on", "rotor", "--bound", "1 N m", "--film", "pid"): "unknown law 'pid'",
+}
+
+
+@pytest.mark.parametrize("options", WRONG)
+def test_a_wrong_option_is_refused_in_one_line(tmp_path, capsys: Screen, options) -> None:
+    assert run("study", "disturbance", held(tmp_path), *options, "--out", tmp_path) == 2
+    error = capsys.readouterr().err
+    assert_one_line(error)
+    assert WRONG[options] in error
+
+
+def test_case_files_of_ones_own_python_lie_beside_it(tmp_path, capsys: Screen) -> None:
+    path = linear(tmp_path)
+    command = ("study", "disturbance", path, "--on", "u", "--bound", "1 A")
+    assert run(*command, "--out", tmp_path / "elsewhere") == 2
+    assert "give --out" in capsys.readouterr().err
+
+
+def test_a_film_of_a_case_without_mujoco_is_refused(tmp_path, capsys: Screen) -> None:
+    path = linear(tmp_path)
+    options = ("--on", "u", "--bound", "1 A", "--film", "law", "--out", tmp_path)
+    assert run("study", "disturbance", path, *options) == 2
+    error = capsys.readouterr().err
+    assert_one_line(error)
+    assert "a film is of runs in MuJoCo" in error

@@ -1,0 +1,343 @@
+"""The margins study: its setups, sizes, rows, tables, document, command and refusals."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import fields, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from commands import Screen, assert_one_line, run
+
+from grosmc_mj import cli
+from grosmc_mj.output.results.result import Result
+from grosmc_mj.studies.margins import figure as margins_figure
+from grosmc_mj.studies.margins import law_margins as rows_of_laws
+from grosmc_mj.studies.margins.answer import margin_table, notes, verdict
+from grosmc_mj.studies.margins.changes import DELAY, GAIN_DOWN, GAIN_UP
+from grosmc_mj.studies.margins.chatter import Chatter
+from grosmc_mj.studies.margins.frequency_response import Margins, margins_of
+from grosmc_mj.studies.margins.law_margins import LEVELS, LawMargins, Level
+from grosmc_mj.studies.margins.margins import MarginStudy, law_margins, margin_study
+from grosmc_mj.studies.margins.sensitivity import Place
+from grosmc_mj.studies.margins.task import TaskMargin
+from grosmc_mj.studies.study import CellRunner
+
+REQUIRED = 'requirement = [{ stays_within = "0.1 rad", after = "3 s" }]'
+LIMITED = 'actuator = [{ of = "current", limit = "4 A" }]'
+REST = """
+plant = { system = "servo" }
+controller = [{ law = "lqr" }]
+[run]
+start = { "rotor angle" = "0 rad" }
+duration = "4 s"
+control_period = "2 ms"
+timestep = "2 ms"
+"""
+FREQUENCY = np.geomspace(0.1, 100, 40)
+
+
+@cache
+def servo() -> MarginStudy:
+    """Return the servo's bench with two laws."""
+    return margin_study("servo/bench", ["lqr", "implicit"])
+
+
+@cache
+def measured(setup: int, law: int) -> LawMargins:
+    """Return the margins of a law of the servo's bench."""
+    chosen = servo().setups[setup]
+    return law_margins(servo(), chosen, chosen.laws[law])
+
+
+def level(index: int, doubt: str = "", gain: float = 1.0, output: bool = False) -> Level:
+    """Return S of an integrator at one amplitude."""
+    S = 1 / (1 + gain / (2j * np.pi * FREQUENCY))
+    return Level(
+        place="current",
+        output=output,
+        rms=float(LEVELS[index]),
+        unit="A",
+        margins=margins_of(FREQUENCY, S),
+        errors=Margins(*[0.0] * len(fields(Margins))),
+        doubt=doubt,
+        frequency=FREQUENCY.tolist(),
+        real=S.real[:, None].tolist(),
+        imaginary=S.imag[:, None].tolist(),
+        index=0,
+    )
+
+
+def row(law: str, doubts: str, **changes: Any) -> LawMargins:
+    """Return a row whose amplitudes are doubted where a letter is x."""
+    levels = [level(i, "noise" if letter == "x" else "") for i, letter in enumerate(doubts)]
+    return LawMargins(setup="servo/bench", law=law, levels=levels, **changes)
+
+
+def test_a_case_is_studied_in_an_ideal_loop_and_in_its_own() -> None:
+    assert [setup.name for setup in servo().setups] == ["servo/bench, ideal loop", "servo/bench"]
+
+
+def test_a_system_is_studied_on_its_bench_and_its_machine() -> None:
+    studied = margin_study("servo", ["lqr"])
+    names = [setup.name for setup in studied.setups]
+    assert names == ["servo/bench, ideal loop", "servo/bench", "servo/machine"]
+    assert [setup.plant_name for setup in studied.setups] == ["corrected", "corrected", "physics"]
+    assert all(condition.experiment.parts for condition in studied.setups[2].conditions)
+
+
+def test_an_input_gets_a_quarter_of_its_limit_and_a_state_a_quarter_of_its_range() -> None:
+    """The servo steps by 1 rad; its encoder is the only sensor."""
+    places = servo().places(servo().setups[1])
+    assert places[Place("current")] == 1.0
+    assert places[Place("rotor angle", output=True)] == pytest.approx(0.25, rel=0.05)
+    assert len(places) == 2
+
+
+def test_the_table_of_the_bench_has_the_margins_of_lqr() -> None:
+    lqr = measured(1, 0)
+    assert list(lqr.refused) == ["case1"]
+    (largest,) = lqr.at(len(LEVELS) - 1)
+    assert largest.margins.delay == pytest.approx(0.113, rel=0.01)
+    assert largest.margins.disk == pytest.approx(1.52, rel=0.01)
+    table = margin_table(servo().setups[1], [lqr, measured(1, 1)])
+    assert table.rows[0][0] == "lqr (not case1)"
+    assert table.rows[0][1] == "1/2.44 case2"
+
+
+def test_the_delay_margin_of_a_chattering_law_by_slow_signals_is_near_that_of_its_task() -> None:
+    implicit = measured(1, 1)
+    (shown,) = implicit.at(len(LEVELS) - 1)
+    assert shown.margins.delay == pytest.approx(9.2e-3, abs=3 * 0.25e-3)
+    assert shown.errors.delay < 0.4e-3
+    worst = implicit.worst_of_task(DELAY)
+    assert worst is not None
+    assert (worst.condition, worst.kept) == ("case1", pytest.approx(8e-3, abs=5e-4))
+    assert any("chatters at rest" in note for note in notes([implicit]))
+
+
+def test_a_small_injection_into_a_chattering_loop_is_not_trusted() -> None:
+    implicit = measured(1, 1)
+    assert 0 not in implicit.trusted
+    assert len(LEVELS) - 1 in implicit.trusted
+
+
+def test_rows_are_read_as_they_were_written(tmp_path: Path) -> None:
+    *_, lqr, implicit = servo().cells()
+    stored = CellRunner(tmp_path, LawMargins)
+    wanted = measured(1, 0)
+    stored.write(lqr, wanted)
+    found = stored.read(lqr)
+    assert found is not None
+    assert found.task == wanted.task
+    assert found.levels[0].column.tolist() == wanted.levels[0].column.tolist()
+    assert stored.read(implicit) is None
+
+
+SWITCHES = Chatter(True, 1.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("doubts", "shared"),
+    [(["-----", "xx---"], 2), (["xxxxx", "x----"], 1), (["xxxxx"], None)],
+)
+def test_laws_that_switch_are_shown_at_the_lowest_amplitude_that_all_of_them_allow(
+    doubts: list[str], shared: int | None
+) -> None:
+    rows = [row(f"law{i}", letters, chatter=SWITCHES) for i, letters in enumerate(doubts)]
+    assert rows_of_laws.shared_level(rows) == shared
+
+
+def test_a_law_that_does_not_switch_is_shown_at_its_smallest_trusted_amplitude() -> None:
+    """S of a linear law is that of small signals; others do not move it to a larger one."""
+    linear = row("linear", "x----")
+    switching = row("switching", "xxx--", chatter=SWITCHES)
+    shared = rows_of_laws.shared_level([linear, switching])
+    assert linear.level_index(shared) == 1
+    assert switching.level_index(shared) == 3
+
+
+def test_a_law_that_cannot_be_trusted_at_the_shared_amplitude_is_marked() -> None:
+    rows = [
+        row("first", "--xxx", chatter=SWITCHES),
+        row("second", "xxx--", chatter=SWITCHES),
+        row("linear", "-----"),
+    ]
+    cells = margin_table(servo().setups[1], rows).rows
+    assert cells[0][4].endswith("*")
+    assert not cells[1][4].endswith("*")
+    assert not cells[2][4].endswith("*")
+
+
+@pytest.mark.parametrize(
+    ("factor", "error", "says"), [(1.1, 0.0, False), (2.0, 0.0, True), (2.0, 2.0, False)]
+)
+def test_trusted_amplitudes_that_disagree_by_more_than_their_errors_are_named(
+    factor: float, error: float, says: bool
+) -> None:
+    levels = []
+    for index in range(len(LEVELS)):
+        found = level(index)
+        delay = found.margins.delay * (factor if index else 1.0)
+        margins = replace(found.margins, delay=delay)
+        errors = replace(found.errors, delay=error * found.margins.delay)
+        levels.append(found.model_copy(update={"margins": margins, "errors": errors}))
+    law = LawMargins(setup="servo/bench", law="implicit", levels=levels, chatter=SWITCHES)
+    assert any("hangs on the amplitude" in note for note in notes([law])) == says
+    (cells,) = margin_table(servo().setups[1], [law]).rows
+    assert (" to " in cells[4]) == says
+
+
+def test_a_law_without_a_trusted_amplitude_is_said_to_have_none() -> None:
+    untrusted = row("sign", "xxxxx")
+    assert notes([untrusted]) == ["sign: S is not trustworthy, because noise"]
+    assert margin_table(servo().setups[1], [untrusted]).rows[0][4:] == ["-"] * 4
+
+
+@pytest.mark.parametrize(
+    ("chatter", "words"),
+    [
+        (Chatter(True, 1.0, 0.0), "chatters at rest; S tells how it answers slow signals"),
+        (Chatter(False, 2.0, 1e-3), "begins to chatter at gain 2, delay 1 ms"),
+        (Chatter(False, math.inf, math.inf), "does not chatter"),
+    ],
+)
+def test_it_is_said_where_a_law_chatters(chatter: Chatter, words: str) -> None:
+    both = [row("a, predicted", "-----", chatter=chatter), row("b", "-----", chatter=chatter)]
+    assert notes(both) == [f"a, predicted; b: {words}"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "failed", "words"),
+    [
+        (GAIN_DOWN, 3.0, "1/2.5 case2"),
+        (GAIN_UP, 3.0, "2.5 case2"),
+        (GAIN_UP, math.inf, "≥2.5"),
+        (GAIN_DOWN, math.inf, "≤1/2.5"),
+        (DELAY, 3.0, "2500 case2"),
+    ],
+)
+def test_a_margin_is_shown_with_the_case_that_decides(kind: str, failed: float, words: str) -> None:
+    """The nominal margin is larger."""
+    task = [
+        TaskMargin(kind, "nominal", 9.0, math.inf, ""),
+        TaskMargin(kind, "case2", 2.5, failed, ""),
+    ]
+    cells = margin_table(servo().setups[1], [row("lqr", "-----", task=task)]).rows[0]
+    assert words in cells[1:4]
+
+
+def test_inputs_that_do_not_meet_have_the_least_of_their_disk_margins_together() -> None:
+    """Only lines that count at both inputs are taken."""
+    slow = level(0)
+    fast = level(0, gain=30.0)
+    zeros = [0.0] * len(FREQUENCY)
+    first = {"real": np.stack([np.ravel(slow.real), zeros], axis=1).tolist()}
+    first |= {"imaginary": np.stack([np.ravel(slow.imaginary), zeros], axis=1).tolist()}
+    second = {"real": np.stack([zeros, np.ravel(fast.real)], axis=1).tolist()[3:]}
+    second |= {"imaginary": np.stack([zeros, np.ravel(fast.imaginary)], axis=1).tolist()[3:]}
+    second |= {"frequency": FREQUENCY.tolist()[3:]}
+    both = [slow.model_copy(update=first), fast.model_copy(update=second)]
+    assert rows_of_laws.together(both) == pytest.approx(2.0, rel=0.01)
+    assert rows_of_laws.together([both[0], both[1].model_copy(update={"frequency": []})]) is None
+
+
+def test_the_disk_that_is_drawn_passes_the_axis_at_the_least_gains() -> None:
+    """A gain from (2 - a)/(2 + a) to (2 + a)/(2 - a) is allowed."""
+    disk = margins_figure._disk(0.5, "law")
+    x = [value for value in disk.x if isinstance(value, float)]
+    assert min(x) == pytest.approx(-2.5 / 1.5)
+    assert max(x) == pytest.approx(-1.5 / 2.5)
+
+
+def written(folder: Path, *lines: str) -> Path:
+    """Write a case file that begins with these lines."""
+    path = folder / "mine.toml"
+    path.write_text("\n".join([*lines, REST]), encoding="utf-8")
+    return path
+
+
+def test_the_command_writes_a_document_and_resumes(tmp_path: Path, capsys: Screen) -> None:
+    target = str(written(tmp_path, REQUIRED, LIMITED))
+    command = ("study", "margins", target, "--laws", "lqr", "--out", tmp_path / "out")
+    assert run(*command) == cli.DONE
+    first = capsys.readouterr().out
+    assert "what the task tolerates" in first
+    path = tmp_path / "out" / "margins_mine.json"
+    document = json.loads(path.read_text(encoding="utf-8"))
+    content = {key: document[key] for key in Result.model_fields}
+    read = Result.model_validate_json(json.dumps(content))
+    assert (read.kind, read.complete) == ("margins", True)
+    assert [row["setup"] for row in document["rows"]] == ["servo/mine, ideal loop", "servo/mine"]
+    assert {value.name.partition(":")[0] for value in read.values}
+    assert path.with_suffix(".png").exists()
+    assert path.with_suffix(".svg").exists()
+
+    files = sorted((tmp_path / "out" / "margins_mine").iterdir())
+    times = [file.stat().st_mtime_ns for file in files]
+    assert run(*command, "--resume", "--verbose") == cli.DONE
+    assert [file.stat().st_mtime_ns for file in files] == times
+    assert "S at each amplitude" in capsys.readouterr().out
+
+
+def test_a_law_that_the_file_does_not_run_stops_no_other_one(tmp_path: Path) -> None:
+    """It raises an error in its first step; that is said in its row."""
+    code = "def beyond(t, x, memory, p, u):\n    u[5] = 1.0\n"
+    (tmp_path / "mine.py").write_text(code)
+    target = written(tmp_path, REQUIRED, LIMITED)
+    content = target.read_text() + '[laws.wrong]\nlaw = "mine:beyond"\n'
+    target.write_text(content)
+    studied = margin_study(str(target), ["wrong", "lqr"])
+    wrong, lqr = [law_margins(studied, studied.setups[0], law) for law in studied.setups[0].laws]
+    assert "IndexError" in wrong.impossible
+    assert not lqr.impossible
+    assert lqr.task
+    assert verdict([wrong, lqr]).startswith("Without any change wrong: not kept. ")
+
+
+@pytest.mark.parametrize(
+    ("lines", "options", "words"),
+    [
+        ((LIMITED,), (), "nothing is required"),
+        ((REQUIRED,), (), "has no limit to size"),
+        ((REQUIRED, LIMITED), ("--injection", "5 A"), "is beyond the limit of current, 4 A"),
+        ((REQUIRED, LIMITED), ("--injection", "1 N m"), "1 N m"),
+        ((REQUIRED, LIMITED), ("--injection=-1 A",), "must be positive"),
+        ((REQUIRED, LIMITED), ("--period", "10 ms"), "at least 16 control periods"),
+        ((REQUIRED, LIMITED), ("--laws", "nobody"), "unknown law 'nobody'"),
+    ],
+)
+def test_a_mistake_gets_one_line(
+    lines: tuple[str, ...],
+    options: tuple[str, ...],
+    words: str,
+    tmp_path: Path,
+    capsys: Screen,
+) -> None:
+    target = written(tmp_path, *lines)
+    out = ("--out", tmp_path)
+    assert run("study", "margins", target, *options, *out) == cli.WRONG
+    error = capsys.readouterr().err
+    assert_one_line(error)
+    assert words in error
+
+
+def test_an_unknown_target_gets_one_line(capsys: Screen) -> None:
+    assert run("study", "margins", "servo/nowhere") == cli.WRONG
+    assert_one_line(capsys.readouterr().err)
+
+
+def test_a_loop_that_leaves_its_region_under_an_injection_gets_one_line(
+    tmp_path: Path, capsys: Screen
+) -> None:
+    """The feedback linearization of the pendulum is undefined at the horizontal."""
+    options = ("--laws", "fl-lqr", "--injection", "400 N", "--period", "2 s", "--out", tmp_path)
+    assert run("study", "margins", "cart_pendulum/bench", *options) == cli.WRONG
+    # On a slow computer lines of progress stand before it.
+    error = capsys.readouterr().err.splitlines(keepends=True)[-1]
+    assert_one_line(error)
+    assert "leaves its region under an injection of 400 N rms" in error

@@ -1,0 +1,143 @@
+"""Task margins by search, and where chatter begins."""
+
+from __future__ import annotations
+
+import pytest
+
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.output.results.tables import number
+from grosmc_mj.simulation.loop import Actuator, Loop
+from grosmc_mj.studies.margins.changes import DELAY, GAIN_DOWN, GAIN_UP, ChangeSearch, changed
+from grosmc_mj.studies.margins.chatter import Chatter, chatter
+from grosmc_mj.studies.margins.sensitivity import Place, RunningLoop
+from grosmc_mj.studies.margins.task import Task, TaskMargin
+from grosmc_mj.studies.studied import chosen_laws, judgeable_in, limits_in
+from grosmc_mj.studies.studied import conditions_of as conditions
+
+
+def servo_task(name: str, condition: str = "nominal", draws: int = 1) -> Task:
+    """Return a law on the servo's bench under a condition."""
+    bench = Experiment.load("servo/bench")
+    bare = bench.varied(loop=None)
+    (law,) = chosen_laws(bare, [name])
+    (under,) = [item for item in conditions(bare) if item.name == condition]
+    experiment = under.experiment.varied(loop=bench.loop)
+    limits = limits_in(bare.file.requirement, law, under, ["corrected"])
+    assert bench.loop
+    return Task(
+        condition,
+        experiment,
+        experiment.plant("corrected"),
+        "corrected",
+        law.controller,
+        law.predict,
+        judgeable_in(limits, bench.loop, bench.loop),
+        draws,
+        threads=1,
+    )
+
+
+def by_kind(task: Task) -> dict[str, TaskMargin]:
+    """Return the margins of a task by their kinds."""
+    return {margin.kind: margin for margin in task.margins()}
+
+
+def test_the_task_margins_of_lqr_are_near_those_by_frequency_response() -> None:
+    """By S on the bench they are 13.7 and 113 ms: within 7 %."""
+    margins = by_kind(servo_task("lqr"))
+    assert margins[GAIN_UP].kept == pytest.approx(14.0, rel=0.02)
+    assert margins[DELAY].kept == pytest.approx(0.106, rel=0.01)
+    assert margins[GAIN_UP].kept == pytest.approx(13.7, rel=0.07)
+    assert margins[DELAY].kept == pytest.approx(0.113, rel=0.07)
+
+
+def test_what_breaks_is_named_and_a_failing_change_stands_above_the_kept_one() -> None:
+    for margin in by_kind(servo_task("lqr")).values():
+        assert margin.breaks
+        assert margin.kept < margin.failed <= max(1.02 * margin.kept, margin.kept + 5e-4 + 1e-9)
+
+
+@pytest.mark.parametrize(("condition", "factor"), [("nominal", 29), ("case1", 1.45)])
+def test_the_load_of_case_1_decides_how_far_the_gain_of_sign_may_fall(
+    condition: str, factor: float
+) -> None:
+    margins = by_kind(servo_task("sign", condition))
+    assert margins[GAIN_DOWN].kept == pytest.approx(factor, rel=0.03)
+    assert margins[GAIN_DOWN].breaks == "stays_within"
+
+
+def test_lqr_does_not_keep_its_task_under_case_1() -> None:
+    task = servo_task("lqr", "case1")
+    assert task.breaking([task.loop]) == ["stays_within"]
+
+
+def test_every_change_that_is_kept_is_kept_in_all_draws_and_the_failing_one_is_not() -> None:
+    """Larger gains are kept in some draws."""
+    task = servo_task("implicit", draws=8)
+    margin = by_kind(task)[GAIN_UP]
+    assert margin.draws == 8
+    assert margin.kept < by_kind(servo_task("implicit"))[GAIN_UP].kept
+    kept = changed(task.loop, ["current"], gain=margin.kept)
+    failed = changed(task.loop, ["current"], gain=margin.failed)
+    assert task.failing_draws(kept) == 0
+    assert task.failing_draws(failed) == margin.failing_draws > 0
+
+
+@pytest.mark.parametrize("kind", [GAIN_DOWN, GAIN_UP])
+@pytest.mark.parametrize("bound", [1.017, 2.4449, 28.46, 507.3])
+def test_a_printed_gain_is_one_that_was_run(kind: str, bound: float) -> None:
+    search = ChangeSearch(kind, 1e-3)
+    while factors := search.on_grid(1024.0):
+        search.known |= {factor: factor <= bound for factor in factors}
+    kept, _ = search.bounds
+    assert float(number(kept)) == kept <= bound
+
+
+def test_a_change_is_before_the_limit_of_the_actuator() -> None:
+    loop = Loop(actuators=(Actuator("current", limit=4.0, delay=1e-3, gain=0.5),))
+    (actuator,) = changed(loop, ["current"], gain=3.0, delay=2e-3).actuators
+    assert actuator == Actuator("current", limit=4.0, delay=3e-3, gain=1.5)
+
+
+def test_a_loop_without_actuators_gets_one_for_each_input() -> None:
+    actuators = changed(Loop(), ["a", "b"], gain=2.0).actuators
+    assert actuators == (Actuator("a", gain=2.0), Actuator("b", gain=2.0))
+
+
+@pytest.mark.parametrize("kind", [GAIN_DOWN, GAIN_UP, DELAY])
+@pytest.mark.parametrize("bound", [1.0, 3.3, 700.0])
+def test_a_search_ends_within_one_percent_or_one_timestep(kind: str, bound: float) -> None:
+    search = ChangeSearch(kind, 1e-3)
+    while factors := search.on_grid(1024.0):
+        search.known |= {factor: factor <= bound for factor in factors}
+    kept, failed = search.bounds
+    unit = 1e-3 if kind == DELAY else 1.0
+    assert kept <= bound * unit < failed
+    if kind == DELAY and bound == 700.0:
+        assert failed == float("inf")
+    else:
+        assert failed - kept <= max(0.011 * kept, 1e-3 if kind == DELAY else 0.0) + 1e-12
+
+
+def running(name: str, loop: Loop) -> RunningLoop:
+    """Return a law of the servo at rest on the equations."""
+    experiment = Experiment.load("servo/bench").varied(loop=None)
+    (law,) = chosen_laws(experiment, [name])
+    controller = law.controller
+    rest = controller.designed.error.rest(controller.parameters)
+    applied = experiment.loop_around(controller, loop)
+    plant = experiment.plant("corrected")
+    return RunningLoop(plant, controller, rest, 1e-3, 5e-4, loops=(applied,), threads=1)
+
+
+def test_the_implicit_law_begins_to_chatter_at_gain_2_and_a_sample_of_delay() -> None:
+    """S = 1 - 1/z is stable up to there."""
+    found = chatter(lambda loop: running("implicit", loop), Loop(), Place("current"), 4.0, 4.0)
+    assert not found.at_rest
+    assert found.gain == pytest.approx(2.0, rel=0.02)
+    assert found.delay == pytest.approx(1e-3)
+
+
+def test_the_sign_law_chatters_at_rest() -> None:
+    found = chatter(lambda loop: running("sign", loop), Loop(), Place("current"), 4.0, 4.0)
+    assert found == Chatter(True, 1.0, 0.0)

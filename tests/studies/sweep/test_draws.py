@@ -1,0 +1,67 @@
+"""Verdict over draws: that of the worst run among those of the draws, each run by itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from grosmc_mj.experiments.experiment import Experiment, RunResult
+from grosmc_mj.studies.sweep.draws import _worst, judged_over_draws
+from grosmc_mj.studies.sweep.runs import Outcomes
+
+DRAWS = 6
+NOISY = """
+plant = { system = "servo", compare = ["physics"] }
+run = { duration = "0.2 s" }
+controller = [{ law = "lqr" }]
+requirement = [{ final_error_below = "0.89 rad" }, { input_below = "1 kA" }]
+sensor = [{ of = "rotor angle", noise = "30 mrad", resolution = "1 mrad" }]
+"""
+
+
+@pytest.fixture
+def case(tmp_path: Path) -> Experiment:
+    file = tmp_path / "noisy.toml"
+    file.write_text(NOISY, encoding="utf-8")
+    return Experiment.load(file)
+
+
+def run_alone(case: Experiment, draw: int) -> RunResult:
+    assert case.loop is not None
+    return replace(case, loop=case.loop.draw(draw), run_number=draw).run("physics", "lqr")
+
+
+def test_each_requirement_is_judged_by_its_worst_draw(case: Experiment) -> None:
+    alone = [run_alone(case, draw).requirements for draw in range(DRAWS)]
+    judged = judged_over_draws(case.run("physics", "lqr"), DRAWS).requirements
+    for index, judgement in enumerate(judged):
+        margins = [of_draw[index].margin or 0.0 for of_draw in alone]
+        assert judgement.margin == pytest.approx(min(margins), rel=1e-9)
+        assert judgement.kept == all(of_draw[index].kept for of_draw in alone)
+
+    kept = sum(of_draw[0].kept for of_draw in alone)
+    assert 0 < kept < DRAWS
+    assert f"kept in {kept} of {DRAWS} draws" in judged[0].note
+
+
+def test_a_run_without_a_loop_is_judged_alone() -> None:
+    run = Experiment.load("servo/case1").run("physics", "grosmc")
+    assert judged_over_draws(run, DRAWS) is run
+
+
+@pytest.mark.parametrize(("error", "completed"), [(np.nan, True), (0.5, False)])
+def test_a_draw_without_a_value_is_not_kept(
+    error: float, completed: bool, case: Experiment
+) -> None:
+    first = case.run("physics", "lqr").requirements[1]
+    columns = {
+        first.requirement.metric: np.array([error, 0.1]),
+        "status": np.array(["completed" if completed else "diverged", "completed"], object),
+    }
+    worst = _worst(first, Outcomes([first.requirement], columns))
+    assert not worst.kept
+    assert worst.margin is None
+    assert worst.note.endswith("kept in 2 of 3 draws")

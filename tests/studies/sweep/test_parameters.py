@@ -1,0 +1,373 @@
+"""Values of uncertain numbers reach the plant, its machine, its loop, disturbances and start."""
+
+from dataclasses import replace
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import campaign_cases as small
+import mujoco
+import numpy as np
+import pytest
+from campaign_cases import LQR, MACHINE, campaign, of, plain, servo, standing
+
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.mechanics.machine import Motor
+from grosmc_mj.mechanics.physics.edits import AddedMass, BodyEdit, JointEdit
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.disturbances import Pulse, SineFrom
+from grosmc_mj.studies.campaign.batch import Batch
+from grosmc_mj.studies.campaign.campaign import Campaign
+from grosmc_mj.studies.campaign.map import PassMap, pass_map_of
+from grosmc_mj.studies.campaign.radius import radius
+from grosmc_mj.studies.sweep.family import family_of
+from grosmc_mj.studies.sweep.quantities import Quantity
+from grosmc_mj.studies.sweep.runs import plant_of
+
+ADDED_MASS = """
+[[uncertain]]
+body = "rotor"
+added_mass = ["0 kg", "1 kg"]
+"""
+AWAY = 'at = ["0.3 m", "0 m", "0.4 m"]\n'
+LENGTH = of("body", "rotor", "length_scale = [1, 2]")
+EDITED = """
+[[edit]]
+body = "rotor"
+length_scale = 1.5
+[[edit]]
+joint = "shaft"
+damping = 0.3
+"""
+
+
+def sample(tables: str, *values: float, more: str = "") -> Experiment:
+    """The servo with these values."""
+    return campaign(plain(tables) + more).plant_sample(values)
+
+
+def models(tables: str, *values: float) -> tuple[Any, Any]:
+    """The compiled models of the nominal servo and of the one with these values."""
+    nominal: Any = campaign(plain(tables)).plant
+    changed: Any = plant_of(sample(tables, *values), nominal)
+    return nominal.model, changed.model
+
+
+# By powers of the scale: a longer body keeps its mass.
+@pytest.mark.parametrize(
+    ("quantity", "mass", "inertia"), [("mass_scale", 1, 1), ("length_scale", 0, 2)]
+)
+def test_a_scale_of_a_body_reaches_the_model(quantity: str, mass: int, inertia: int) -> None:
+    nominal, scaled = models(of("body", "rotor", f"{quantity} = [1, 2]"), 1.7)
+    before = nominal.body("rotor")
+    after = scaled.body("rotor")
+    np.testing.assert_allclose(after.mass, 1.7**mass * before.mass, rtol=1e-14)
+    np.testing.assert_allclose(after.inertia, 1.7**inertia * before.inertia, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "field"),
+    [
+        ("damping", "dof_damping"),
+        ("friction", "dof_frictionloss"),
+        ("armature", "dof_armature"),
+    ],
+)
+def test_a_number_of_a_joint_reaches_the_model(quantity: str, field: str) -> None:
+    _, changed = models(of("joint", "shaft", f"{quantity} = [0, 1]"), 0.37)
+    assert getattr(changed, field).tolist() == [0.37]
+
+
+def shaft_inertia(model: Any) -> float:
+    """Inertia about the shaft [kg m^2]."""
+    data = mujoco.MjData(model)
+    matrix = np.zeros((1, 1))
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, matrix)
+    return matrix.item()
+
+
+def test_an_added_mass_adds_its_inertia_about_the_shaft() -> None:
+    nominal, heavier = models(ADDED_MASS + AWAY, 0.2)
+    # The shaft is the y axis: J grows by m r^2.
+    growth = shaft_inertia(heavier) - shaft_inertia(nominal)
+    assert growth == pytest.approx(0.2 * (0.3**2 + 0.4**2), rel=1e-12)
+
+
+def test_no_added_mass_is_no_edit() -> None:
+    assert sample(ADDED_MASS + AWAY, 0.0).edits == ()
+
+
+MASS_AND_FRICTION = """
+[[uncertain]]
+body = "rotor"
+mass_scale = [1, 2]
+[[uncertain]]
+joint = "shaft"
+friction = [0, 1]
+"""
+
+
+def test_uncertain_numbers_merge_with_the_files_edits() -> None:
+    assert sample(MASS_AND_FRICTION, 1.7, 0.1, more=EDITED).edits == (
+        BodyEdit("rotor", mass_scale=1.7, length_scale=1.5),
+        JointEdit("shaft", damping=0.3, friction=0.1),
+    )
+
+
+def test_an_uncertain_number_replaces_that_of_an_edit() -> None:
+    edits = sample(LENGTH, 1.2, more=EDITED).edits
+    assert edits[0] == BodyEdit("rotor", length_scale=1.2)
+
+
+def test_an_added_mass_is_an_edit_of_its_own() -> None:
+    edits = sample(ADDED_MASS, 0.2, more=EDITED).edits
+    assert edits[2:] == (AddedMass("rotor", 0.2, (0.0, 0.0, 0.0)),)
+
+
+def test_plants_with_the_same_edits_are_one() -> None:
+    values = np.array([[1.5, 0.1], [1.5, -0.3], [2.0, 0.1]])
+    first, second, third = Batch(campaign(plain()), values, [0] * 3).physics
+    assert first is second
+    assert second is not third
+
+
+def test_an_amplitude_scales_its_disturbance_alone() -> None:
+    load, hum = sample(of("disturbance", "load", "amplitude = [-2, 2]"), -1.5).disturbances
+    assert (load.amplitudes, load.profile) == ((0, 0, 0, 0, -1.5, 0), Pulse(0.02, 0.03))
+    assert hum.amplitudes == (0, 0, 0, 0, 0.1, 0)
+
+
+def test_a_pulse_with_another_onset_keeps_its_length() -> None:
+    onset = of("disturbance", "load", 'onset = ["0.1 s", "0.2 s"]')
+    load, hum = sample(onset, 0.125).disturbances
+    profile: Any = load.profile
+    assert (profile.start, profile.stop) == (0.125, pytest.approx(0.135, rel=1e-12))
+    assert hum.profile == SineFrom(2 * np.pi, 0.02)
+
+
+HUM_AND_START = """
+[[uncertain]]
+disturbance = "hum"
+frequency = ["1 Hz", "2 Hz"]
+[[uncertain]]
+disturbance = "hum"
+phase = ["0 deg", "9 deg"]
+[[uncertain]]
+disturbance = "hum"
+onset = ["0 s", "1 s"]
+[[uncertain]]
+start = "rotor speed"
+value = ["-1 rad/s", "1 rad/s"]
+"""
+
+
+def changed_case() -> Experiment:
+    """The case with another sine, which begins after the pulse, and another start."""
+    return sample(HUM_AND_START, 7.0, 1.0, 0.5, 0.25)
+
+
+def test_numbers_of_a_sine_reach_the_case() -> None:
+    profile = changed_case().disturbances[1].profile
+    assert profile == SineFrom(frequency=7.0, onset=0.5, phase=1.0)
+
+
+def test_a_start_reaches_the_case() -> None:
+    assert changed_case().x0 == (0.0, 0.25)
+
+
+def test_the_onset_of_a_case_is_that_of_its_first_disturbance() -> None:
+    assert changed_case().onset == 0.02
+
+
+MACHINE_NUMBERS = """
+[[uncertain]]
+transmission = "shaft"
+backlash = ["0 deg", "0.2 deg"]
+[[uncertain]]
+lugre = "shaft"
+coulomb = ["30 mN m", "70 mN m"]
+[[uncertain]]
+motor = "current"
+resistance = ["2 ohm", "3 ohm"]
+[[uncertain]]
+swinging_load = "rotor"
+mass = ["50 g", "150 g"]
+[[uncertain]]
+stop = "shaft"
+restitution = [0.1, 0.5]
+"""
+
+
+def machine() -> Campaign:
+    """A servo as it is built, with uncertain numbers of its machine."""
+    return campaign(standing(MACHINE_NUMBERS, MACHINE))
+
+
+def test_numbers_of_a_machine_have_the_file_s_values() -> None:
+    family = machine().family
+    assert [f"{number.name} [{number.unit}]" for number in family.quantities] == [
+        "shaft backlash [rad]",
+        "shaft coulomb [N m]",
+        "current resistance [ohm]",
+        "rotor mass [kg]",
+        "shaft restitution []",
+    ]
+    assert family.nominal.tolist() == pytest.approx([1e-3, 0.05, 2.6, 0.1, 0.3])
+
+
+@pytest.fixture(scope="module")
+def machines() -> tuple[Any, Any]:
+    """The nominal machine and one with other numbers."""
+    nominal = machine().plant
+    return nominal, plant_of(machine().plant_sample([2e-3, 0.06, 2.2, 0.12, 0.5]), nominal)
+
+
+def test_backlash_reaches_the_model(machines: tuple[Any, Any]) -> None:
+    _, changed = machines
+    assert changed.model.tendon_lengthspring[0] == pytest.approx([-1e-3, 1e-3])
+
+
+def test_a_swinging_mass_reaches_the_model(machines: tuple[Any, Any]) -> None:
+    _, changed = machines
+    assert changed.model.body("rotor swing").mass[0] == 0.12
+
+
+def test_a_resistance_reaches_the_brake(machines: tuple[Any, Any]) -> None:
+    """K^2/R of the brake, whatever the unit of voltage."""
+    nominal, changed = (plant.model.actuator("current").gainprm for plant in machines)
+    ratio = (changed[1] ** 2 / changed[0]) / (nominal[1] ** 2 / nominal[0])
+    assert ratio == pytest.approx(2.6 / 2.2, rel=1e-9)
+
+
+def test_a_restitution_changes_the_damping_of_the_contact(machines: tuple[Any, Any]) -> None:
+    nominal, changed = machines
+    # The contact's damping falls with the restitution; its stiffness is the duration's.
+    differs = changed.model.jnt_solref[0] != nominal.model.jnt_solref[0]
+    assert differs.tolist() == [False, True]
+
+
+def test_friction_reaches_its_part(machines: tuple[Any, Any]) -> None:
+    _, changed = machines
+    assert [part.coulomb for part in changed.parts if hasattr(part, "coulomb")] == [0.06]
+
+
+ELBOW_MOTOR = """
+[[motor]]
+input = "elbow torque"
+constant = "0.1 N m/A"
+resistance = "2 ohm"
+"""
+
+
+def test_an_input_is_uncertain_by_the_name_that_files_call_it() -> None:
+    resistance = of("motor", "elbow torque", 'resistance = ["1 ohm", "3 ohm"]')
+    file = small.specification(standing(resistance, ELBOW_MOTOR + LQR, "two_link_arm")).file
+    edited = replace(campaign(plain()).experiment, edits=(Motor("elbow_torque", 0.1, 2.0),))
+    (number,) = family_of(file, edited, MujocoPlant.load("two_link_arm")).quantities
+    assert (number.of, number.nominal) == ("elbow_torque", 2.0)
+    assert number.name == "elbow torque resistance"
+
+
+COULOMB = of("lugre", "shaft", 'coulomb = ["40 mN m", "60 mN m"]')
+
+
+@cache
+def rubbing() -> Campaign:
+    """A servo with uncertain friction.
+
+    Beyond twice the uncertainty sliding friction would be larger than static friction.
+    """
+    return campaign(standing(COULOMB, MACHINE))
+
+
+def test_the_largest_scale_is_that_of_a_machine_that_can_be() -> None:
+    declared = rubbing()
+    assert declared.family.largest_scale > 2.0 >= declared.largest_scale
+    assert declared.largest_scale == pytest.approx(2.0, rel=2e-3)
+
+
+def test_a_radius_is_searched_up_to_the_largest_scale() -> None:
+    assert radius(rubbing(), "lqr").largest == rubbing().largest_scale
+
+
+LOOP_NUMBERS = """
+[[uncertain]]
+computing = true
+delay = ["0 ms", "4 ms"]
+[[uncertain]]
+sensor = "rotor angle"
+noise = ["0 mrad", "0.3 mrad"]
+[[uncertain]]
+estimator = "rotor speed"
+bandwidth = ["50 rad/s", "200 rad/s"]
+[[uncertain]]
+actuator = "current"
+lag = ["0 ms", "3 ms"]
+"""
+
+
+def looped() -> Campaign:
+    """A servo with uncertain numbers of its loop."""
+    return campaign(standing(LOOP_NUMBERS, small.LOOP + small.DEVIATION))
+
+
+def test_numbers_of_a_loop_have_names() -> None:
+    assert looped().family.names == [
+        "computing delay",
+        "rotor angle noise",
+        "rotor speed bandwidth",
+        "current lag",
+    ]
+
+
+def test_numbers_of_a_loop_have_units() -> None:
+    units = [number.unit for number in looped().family.quantities]
+    assert units == ["s", "rad", "rad/s", "s"]
+
+
+def test_delays_of_a_loop_are_whole_timesteps() -> None:
+    loop = looped().plant_sample([2.4e-3, 1e-4, 80.0, 2e-3]).loop
+    assert loop is not None
+    assert loop.computing.delay == pytest.approx(2e-3)
+    assert loop.sensors[0].noise == 1e-4
+    assert loop.estimators[0].bandwidth == 80.0
+    assert loop.actuators[0].lag == 2e-3
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        # 2.6 ms on a grid of 1 ms.
+        (
+            [2.6e-3, 2e-4, 80.0, 2.4e-3],
+            "computing delay 0.003 s, rotor angle noise 0.01146 °, rotor speed bandwidth 80 rad/s, "
+            "current lag 0.0024 s",
+        ),
+        # A delay that is run as the nominal one is the nominal one.
+        ([1.4e-3, 1e-4, 100.0, 1e-3], "the nominal one"),
+    ],
+)
+def test_numbers_of_a_loop_are_shown_as_they_are_run(values: list[float], words: str) -> None:
+    assert looped().words(np.array(values)) == words
+
+
+def map_of(declared: Campaign, first: Quantity, x: list[float], second: Quantity) -> PassMap:
+    """A map of two plants over two numbers, the second of which is 80 and 90."""
+    columns = {first.name: x, second.name: [80.0, 90.0], "relative": [0.1, -0.1]}
+    arrays = {name: np.array(values) for name, values in columns.items()}
+    folder: Any = SimpleNamespace(columns=lambda *_: dict.fromkeys(declared.laws, arrays))
+    return pass_map_of(declared, folder, (first, second))
+
+
+def test_a_map_shows_delays_as_they_are_run() -> None:
+    delay, _, bandwidth, _ = looped().family.quantities
+    pass_map = map_of(looped(), delay, [0.4e-3, 2.6e-3], bandwidth)
+    assert pass_map.titles == ("computing delay [s]", "rotor speed bandwidth [rad/s]")
+    np.testing.assert_array_equal(pass_map.runs["lqr"][:2], [[0.0, 3e-3], [80.0, 90.0]])
+
+
+def test_a_factor_has_the_unit_1_on_a_map() -> None:
+    scale, load = campaign(servo()).family.quantities
+    titles = map_of(looped(), scale, [1.0, 2.0], load).titles
+    assert titles == ("rotor mass scale [1]", "load amplitude [1]")

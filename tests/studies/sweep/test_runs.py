@@ -1,0 +1,486 @@
+"""Batches of runs that are not recorded: their metrics, columns and margins are recorded runs'."""
+
+from functools import cache
+from pathlib import Path
+
+import campaign_cases as small
+import mujoco
+import numpy as np
+import pytest
+from campaign_cases import INERTIA, LIMITS, LOAD, LQR, campaign, servo
+
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.file.shipped import campaign_files
+from grosmc_mj.experiments.requirements.judging import judge_runs
+from grosmc_mj.ground.errors import UndefinedLawError
+from grosmc_mj.mechanics.physics.files import load_model
+from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.studies.campaign.batch import Batch, evaluate
+from grosmc_mj.studies.campaign.campaign import Campaign
+from grosmc_mj.studies.campaign.specification import specification_of
+from grosmc_mj.studies.sweep.runs import Outcomes, Row, plant_of, run_rows
+
+RATIO = """
+[[requirement]]
+cost_ratio_below = 1.5
+"""
+KINDS = f"""
+{RATIO}
+[[requirement]]
+input_below = "10 A"
+[[requirement]]
+of = ["grosmc"]
+sliding_below = "0.02 A s"
+[[requirement]]
+of = ["grosmc"]
+no_reaching_phase = true
+[[requirement]]
+stays_within = "2 rad"
+after = "40 ms"
+[[requirement]]
+stays_within = "2 rad"
+"""
+# A loop's actuator gives less than the law's command.
+ACTUATOR = """
+[[requirement]]
+input_below = "4.5 A"
+[[actuator]]
+of = "current"
+limit = "4 A"
+"""
+# The cart is the furthest away at the end of the run.
+TRAVEL = """
+[plant]
+system = "cart_pendulum"
+[run]
+duration = "0.05 s"
+control_period = "1 ms"
+start = { "cart speed" = "50 nm/s" }
+[[uncertain]]
+body = "pole"
+mass_scale = [1, 3]
+[[controller]]
+law = "lqr"
+[[requirement]]
+state = "cart position"
+stays_within = "0.1 m"
+"""
+# The servo settles at 4.02 s, before it is pushed.
+SETTLES = """
+[plant]
+system = "servo"
+[run]
+duration = "6 s"
+control_period = "1 ms"
+[[disturbance]]
+body = "rotor"
+torque = ["0 N m", "1 N m", "0 N m"]
+label = "load"
+profile = "pulse"
+start = "5 s"
+stop = "5.5 s"
+[[disturbance]]
+body = "rotor"
+torque = ["0 N m", "0.1 N m", "0 N m"]
+profile = "sine"
+frequency = "1 Hz"
+onset = "5 s"
+label = "hum"
+[[uncertain]]
+body = "rotor"
+mass_scale = [1, 3]
+[[controller]]
+law = "lqr"
+[[requirement]]
+settles_within = "4.1 s"
+"""
+# The optimum moves on by a timestep between two samples of the law.
+FOUR_STEPS = """
+[plant]
+system = "servo"
+[run]
+duration = "0.2 s"
+control_period = "4 ms"
+timestep = "1 ms"
+[[controller]]
+law = "lqr"
+[[controller]]
+law = "lqr"
+name = "stiff"
+Q = [4, 1]
+[[requirement]]
+input_below = "9 A"
+[[uncertain]]
+body = "rotor"
+mass_scale = [1, 3]
+"""
+DELAYED = """
+[computing]
+delay = "1 ms"
+"""
+TWO_LINKS = """
+[plant]
+system = "two_link_arm"
+[run]
+duration = "0.05 s"
+control_period = "1 ms"
+start = { "shoulder angle" = "0.6 rad", "elbow angle" = "-1.2 rad" }
+[[uncertain]]
+body = "lower"
+mass_scale = [1, 3]
+[[controller]]
+law = "lqr"
+[[controller]]
+law = "grosmc"
+[[requirement]]
+cost_ratio_below = 1.5
+"""
+# It ends within a timestep.
+UNEVEN = """
+[plant]
+system = "servo"
+[run]
+duration = "0.3003 s"
+control_period = "1 ms"
+[[controller]]
+law = "lqr"
+[[requirement]]
+state = "rotor speed"
+rms_below = "10 rad/s"
+after = "0.1 s"
+[[uncertain]]
+body = "rotor"
+mass_scale = [1, 3]
+"""
+CASES = [
+    (servo(INERTIA, limits=KINDS), "lqr"),
+    (servo(INERTIA, limits=KINDS), "grosmc"),
+    (TRAVEL, "lqr"),
+    (SETTLES, "lqr"),
+    (servo(INERTIA, limits=ACTUATOR, laws=LQR), "lqr"),
+    (FOUR_STEPS, "stiff"),
+    (FOUR_STEPS + DELAYED, "stiff"),
+    (TWO_LINKS, "lqr"),
+    (UNEVEN, "lqr"),
+]
+EACH_CASE = pytest.mark.parametrize(("text", "law"), CASES)
+
+
+@cache
+def nominal(text: str, law: str) -> tuple[Campaign, Outcomes]:
+    """A campaign, and the row of its nominal plant."""
+    declared = campaign(text, runs=2)
+    return declared, evaluate(declared, law, declared.family.nominal[None])
+
+
+@EACH_CASE
+def test_both_engines_give_the_same_row(text: str, law: str, tmp_path: Path) -> None:
+    _, row = nominal(text, law)
+    head, run = text.split("[run]")
+    path = tmp_path / "case.toml"
+    path.write_text(f'{head}[run]\nengine = "python"{run}')
+    declared = Campaign.load(str(path), runs=2)
+    by_python = evaluate(declared, law, declared.family.nominal[None])
+    for name in row.columns.keys() - {"status", "controller", "judged_by"}:
+        assert row[name].tobytes() == by_python[name].tobytes(), name
+
+
+@EACH_CASE
+def test_metrics_and_margins_of_a_batch_are_a_recorded_run_s(
+    text: str, law: str, tmp_path: Path
+) -> None:
+    """To the bit."""
+    declared, row = nominal(text, law)
+    (tmp_path / "case.toml").write_text(text)
+    result = Experiment.load(tmp_path / "case.toml").run("physics", law)
+
+    judged = judge_runs(declared.requirements, [result])
+    assert judged
+    for judgement in judged:
+        name = judgement.requirement.name
+        assert row[f"margin {name}"][0] == judgement.margin, name
+    shares = [(judgement.margin or 0.0) / judgement.requirement.number for judgement in judged]
+    assert row["relative"][0] == min(shares)
+
+    # The overshoot of a batch is a share.
+    shared = row.columns.keys() & result.metrics.keys() - {"overshoot"}
+    assert len(shared) > 9
+    for name in shared:
+        value = result.metrics[name].value
+        if value is not None:
+            assert row[name][0] == value, name
+
+
+# The load takes all that the actuator gives, so that the margin of the input is 0 on every plant.
+SATURATED = """
+[[requirement]]
+deviation_below = "1 rad"
+input_below = "1 mA"
+[[actuator]]
+of = "current"
+limit = "1 mA"
+"""
+
+
+def test_a_margin_that_a_saturated_input_holds_at_zero_does_not_hide_the_others() -> None:
+    declared = campaign(servo(INERTIA, limits=SATURATED, laws=LQR), runs=2)
+    row = evaluate(declared, "lqr", declared.family.values(np.array([[0.1], [0.9]])))
+    assert row["margin input_below"].tolist() == [0.0, 0.0]
+    assert row["relative"].tolist() == row["margin deviation_below"].tolist()
+    assert 0 < row["order"][0] != row["order"][1]
+
+
+EACH_LAW = pytest.mark.parametrize("law", ["lqr", "grosmc"])
+
+
+@cache
+def four_servos() -> Campaign:
+    """A campaign of servos, of which four are run."""
+    return campaign(servo(limits=LIMITS + RATIO))
+
+
+@cache
+def together(law: str) -> Outcomes:
+    """Four servos in a batch."""
+    return Batch(four_servos(), four_servos().values(range(4)), [0] * 4, threads=1).run(law)
+
+
+@EACH_LAW
+@pytest.mark.parametrize("i", range(4))
+def test_a_row_depends_on_its_plant_alone(i: int, law: str) -> None:
+    """It is that of a single run, whatever its neighbours and the number of threads."""
+    values = four_servos().values(range(i, i + 1))
+    alone = Batch(four_servos(), values, [0], threads=2).run(law)
+    for name, column in together(law).columns.items():
+        if column.dtype == float:
+            assert column[i : i + 1].tobytes() == alone[name].tobytes(), name
+
+
+@EACH_LAW
+def test_rows_of_different_plants_differ(law: str) -> None:
+    assert len({*together(law)["deviation"]}) == 4
+
+
+@EACH_LAW
+def test_laws_without_a_surface_have_no_margin_of_sliding(law: str) -> None:
+    assert np.isnan(together(law)["margin sliding_below"]).all() == (law == "lqr")
+
+
+@cache
+def fallen() -> Outcomes:
+    """Sixteen pendulums, of which some fall."""
+    declared = small.falling()
+    return evaluate(declared, "fl-lqr", declared.values(range(16)))
+
+
+def test_runs_that_end_early_fail_with_their_cause() -> None:
+    rows = fallen()
+    ended = ~rows.completed
+    assert 0 < ended.sum() < 16
+    assert set(rows["status"][ended]) == {"undefined_law"}
+    assert np.all(np.isneginf(rows["margin deviation_below"][ended]))
+    assert np.all(np.isneginf(rows["relative"][ended]))
+
+
+def test_runs_that_end_early_have_no_metrics() -> None:
+    rows = fallen()
+    assert np.array_equal(np.isnan(rows["deviation"]), ~rows.completed)
+    assert np.array_equal(rows["ended"] < 0.3, ~rows.completed)
+    assert np.all(rows["ended"][rows.completed] == 0.3)
+
+
+def test_of_runs_that_end_early_the_earlier_is_the_worse() -> None:
+    rows = fallen()
+    order = rows["order"][~rows.completed]
+    ended = rows["ended"][~rows.completed]
+    assert np.all(np.diff(ended[np.argsort(order)]) >= 0)
+    assert order.max() < rows["order"][rows.completed].min()
+
+
+def test_a_run_that_ends_early_ends_when_a_single_one_does() -> None:
+    rows = fallen()
+    first = int(np.flatnonzero(~rows.completed)[0])
+    declared = small.falling()
+    (values,) = declared.values(range(first, first + 1))
+    sample = declared.plant_sample(values)
+    with pytest.raises(UndefinedLawError) as refusal:
+        simulate(
+            plant_of(sample, declared.plant),
+            declared.laws["fl-lqr"],
+            sample.x0,
+            duration=0.3,
+            control_period=0.001,
+            engine="native",
+        )
+    assert float(refusal.value.trajectory.valid_until) == rows["ended"][first]
+
+
+def evaluated(text: str) -> Outcomes:
+    """Two runs under LQR."""
+    declared = campaign(text)
+    return evaluate(declared, "lqr", declared.values(range(2)))
+
+
+def test_without_a_requirement_there_is_no_margin() -> None:
+    rows = evaluated(small.plain())
+    assert not any(name.startswith("margin") for name in rows.columns)
+    assert rows["relative"].tolist() == [1.0, 1.0]
+
+
+WIDER = """
+[[requirement]]
+of = ["lqr"]
+deviation_below = "4 mrad"
+[[requirement]]
+of = ["lqr"]
+deviation_below = "5 mrad"
+"""
+
+
+def test_requirements_of_one_kind_have_columns_of_their_own() -> None:
+    rows = evaluated(servo() + WIDER)
+    first = rows["margin deviation_below"]
+    second = rows["margin deviation_below 2"]
+    third = rows["margin deviation_below 3"]
+    np.testing.assert_allclose(second - first, 1e-3, rtol=1e-12)
+    np.testing.assert_allclose(third - first, 2e-3, rtol=1e-12)
+
+
+AT_REFERENCE = f"""
+[plant]
+system = "servo"
+[run]
+duration = "0.05 s"
+control_period = "1 ms"
+start = {{ "rotor angle" = "1 rad" }}
+{LOAD}
+[[uncertain]]
+body = "rotor"
+mass_scale = [1, 3]
+[[controller]]
+law = "lqr"
+[[requirement]]
+cost_ratio_below = 1e6
+"""
+
+
+def test_a_run_without_a_cost_to_compare_with_fails() -> None:
+    rows = evaluated(AT_REFERENCE)
+    assert rows["status"].tolist() == ["completed"] * 2
+    assert np.all(np.isneginf(rows["margin cost_ratio_below"]))
+    assert np.all(rows["relative"] < 0)
+
+
+def row_of(table: Outcomes, index: int) -> dict[str, str]:
+    """A row of a table as texts."""
+    return {name: str(values[index]) for name, values in table.columns.items()}
+
+
+EXPERIMENT = Experiment.load("servo/case1").varied(duration=0.1)
+
+
+def heavier(scale: float) -> Experiment:
+    """The case with a heavier rotor and another start."""
+    return EXPERIMENT.changed(
+        {"edit.rotor.mass_scale": scale, "run.start.rotor angle": 0.1 * scale}
+    )
+
+
+DESIGN = [Row(law, case=heavier(scale)) for scale in (1.0, 1.5) for law in ("lqr", "grosmc")]
+
+
+@cache
+def designed() -> tuple[Experiment, Outcomes]:
+    """A case and the rows of a design."""
+    return EXPERIMENT, run_rows(EXPERIMENT, DESIGN)
+
+
+@pytest.mark.parametrize("index", [1, 2])
+def test_a_row_of_a_design_is_the_row_alone(index: int) -> None:
+    experiment, table = designed()
+    alone = run_rows(experiment, [DESIGN[index]])
+    assert row_of(alone, 0) == row_of(table, index)
+
+
+def test_rows_by_equations_agree_with_physics() -> None:
+    experiment, table = designed()
+    by_equations = run_rows(experiment, DESIGN, plant="corrected")
+    np.testing.assert_allclose(by_equations["deviation"], table["deviation"], rtol=1e-6, atol=1e-9)
+
+
+BENCH = Experiment.load("servo/bench").varied(duration=0.05)
+
+
+def delayed(delay: float) -> Experiment:
+    """The bench whose angle is measured some time [s] late."""
+    assert BENCH.loop is not None
+    return BENCH.varied(loop=BENCH.loop.changed("sensor", "rotor angle", delay=delay))
+
+
+# A delay that is no whole number of timesteps.
+IMPOSSIBLE = Row("grosmc", case=delayed(0.00015))
+LOOP_DESIGN = [
+    Row("grosmc", case=delayed(0.002)),
+    Row("grosmc", case=delayed(0.004)),
+    IMPOSSIBLE,
+    Row("grosmc", number=1),
+    Row("grosmc", number=1),
+    Row("grosmc", number=2),
+]
+
+
+@cache
+def looped() -> tuple[Experiment, Outcomes]:
+    """A case with a loop and the rows of a design."""
+    return BENCH, run_rows(BENCH, LOOP_DESIGN, [], keep_impossible=True, threads=2)
+
+
+def test_an_impossible_row_is_an_outcome_if_that_is_wanted() -> None:
+    _, table = looped()
+    assert table["status"].tolist() == ["completed"] * 2 + ["impossible"] + ["completed"] * 3
+    assert "delay = 0.00015 s is no multiple" in table.impossible[2]
+
+
+def test_an_impossible_row_is_refused_otherwise() -> None:
+    bench, _ = looped()
+    with pytest.raises(ValueError, match="is no multiple"):
+        run_rows(bench, [IMPOSSIBLE], [])
+
+
+def test_a_delay_reaches_its_run() -> None:
+    _, table = looped()
+    first, later = table["deviation"][:2]
+    assert first != later
+
+
+def test_chance_of_a_run_depends_on_its_number_alone() -> None:
+    bench, table = looped()
+    once, again, other = table["left"][3:]
+    assert once == again != other
+    alone = run_rows(bench, LOOP_DESIGN[5:], [], threads=1)
+    assert row_of(alone, 0) == row_of(table, 5)
+
+
+@pytest.mark.parametrize("name", campaign_files())
+def test_a_shipped_campaign_steps_as_its_model_says(name: str) -> None:
+    file = specification_of(name).file
+    assert file.plant.system is not None
+    assert load_model(file.plant.system).opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+    assert file.run.integrator in (None, "RK4")
+
+
+@pytest.mark.parametrize("durations", [(0.05, 0.02), (0.02, 0.05)])
+def test_rows_of_two_durations_are_each_run_to_their_own_end(
+    durations: tuple[float, float],
+) -> None:
+    experiment = Experiment.load("servo/nominal")
+    rows = []
+    for duration in durations:
+        case = experiment.varied(duration=duration)
+        rows.append(Row("lqr", case=case))
+    outcomes = run_rows(experiment, rows, limits=[])
+    assert outcomes["ended"].tolist() == list(durations)
+
+    for row, duration in enumerate(durations):
+        run = experiment.varied(duration=duration).run("physics", "lqr").trajectory
+        np.testing.assert_array_equal(outcomes["last"][row], run.state[-1])
