@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import re
 import subprocess
@@ -11,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from urllib.parse import unquote, urlsplit
 
+import doors
 import pytest
 import repository
 
@@ -168,7 +170,10 @@ MAP = (ROOT / "docs" / "map.md").read_text(encoding="utf-8")
 # The chapter numbers its equations from (1) to (58).
 EQUATIONS = 58
 # Files with the names in them that the map leads to.
-PLACES = re.findall(r"`([\w/]+\.(?:py|xml)|[\w/]+/)(?:::(\w+))?`", MAP)
+PLACE = r"`([\w/]+\.(?:py|xml)|[\w/]+/)(?:::(\w+))?`"
+PLACES = re.findall(PLACE, MAP)
+ARCHITECTURE = doors.PAGE.read_text(encoding="utf-8")
+NAMED = [*PLACES, *re.findall(PLACE, ARCHITECTURE)]
 
 
 def test_every_equation_is_on_the_map() -> None:
@@ -178,11 +183,43 @@ def test_every_equation_is_on_the_map() -> None:
     assert numbers == set(range(1, EQUATIONS + 1))
 
 
-@pytest.mark.parametrize(("place", "name"), PLACES, ids=["::".join(place) for place in PLACES])
-def test_every_place_on_the_map_exists(place: str, name: str) -> None:
+@pytest.mark.parametrize(("place", "name"), NAMED, ids=["::".join(place) for place in NAMED])
+def test_every_place_on_the_map_and_in_the_architecture_exists(place: str, name: str) -> None:
     candidates = [ROOT / "grosmc_mj" / place, ROOT / "tests" / place, ROOT / place]
     paths = [path for path in candidates if path.exists()]
     assert paths
     if name:
         text = paths[0].read_text(encoding="utf-8")
         assert re.search(rf"^ *(def|class) {name}\b|^{name}\b", text, re.MULTILINE)
+
+
+# The doors.
+
+
+def test_drawing_and_table_of_the_doors_are_those_of_the_code() -> None:
+    assert doors.DRAWING.read_text(encoding="utf-8") == doors.drawing()
+    assert "\n".join(doors.table()) in ARCHITECTURE
+
+
+DOORS = [door for floor in doors.floors() for door in floor]
+
+
+@pytest.mark.parametrize("name", DOORS)
+def test_a_door_has_the_names_that_it_offers(name: str) -> None:
+    door = importlib.import_module(f"grosmc_mj.{name}")
+    offered = getattr(door, "__all__", [])
+    assert [each for each in offered if not hasattr(door, each)] == []
+
+
+@pytest.mark.parametrize(
+    ("former", "place"),
+    [
+        ("grosmc_mj.loop", "grosmc_mj.simulation.loop"),
+        ("grosmc_mj.results", "grosmc_mj.output.results"),
+        ("grosmc_mj.control", "grosmc_mj.theory.control"),
+    ],
+)
+def test_a_module_that_has_moved_says_its_place(former: str, place: str) -> None:
+    with pytest.raises(ModuleNotFoundError, match=f"{former} is {place} now"):
+        importlib.import_module(former)
+    assert importlib.import_module(place)

@@ -1,8 +1,8 @@
 """Links from pages to files of the repository outside docs/ work on the site, as they do on GitHub.
 
 What is linked becomes a part of the site, below ``repository/``: Markdown as a page, images as they
-are, anything else as a page of numbered lines. The places on the map of equations become links to
-their lines.
+are, anything else as a page of numbered lines. Places on the map of equations and in the
+architecture become links to their lines.
 """
 
 from __future__ import annotations
@@ -18,11 +18,12 @@ from mkdocs.structure.pages import Page
 ROOT = Path(__file__).resolve().parents[2]
 WITHIN = "repository"
 LISTED = {".py": "python", ".toml": "toml", ".xml": "xml", ".json": "json"}
-MAP = "map.md"
+# Pages that name places in the code.
+WITH_PLACES = ("map.md", "architecture.md")
 # On pages of the site that are not below docs/.
 OUTSIDE = ("CHANGELOG.md", "CONTRIBUTING.md", "measured/README.md")
 
-# A target of [text](target#anchor); a place on the map, `file::name`, as it is written and shown.
+# A target of [text](target#anchor); a place, `file::name`, as it is written and shown.
 _TARGET = re.compile(r"(?<=\]\()(?P<path>[^()\s#:]+)(?P<anchor>#[^()\s]*)?(?=\))")
 _NAMED = r"(?P<path>[\w/]+\.(?:py|xml))(?:::(?P<name>\w+))?"
 _PLACE, _SHOWN = re.compile(f"`{_NAMED}`"), re.compile(f"<code>{_NAMED}</code>")
@@ -34,7 +35,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for file in files.documentation_pages():
         text = file.content_string
         found.update(filter(None, (_repository_path(file.src_uri, m["path"]) for m in links(text))))
-        if file.src_uri == MAP:
+        if file.src_uri in WITH_PLACES:
             found.update(filter(None, (place_of(m["path"]) for m in _PLACE.finditer(text))))
     for path in sorted(found):
         files.append(_file_of(path, config))
@@ -57,8 +58,8 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 
 
 def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Lead the places on the map to their lines."""
-    if page.file.src_uri != MAP:
+    """Lead the places on the map and in the architecture to their lines."""
+    if page.file.src_uri not in WITH_PLACES:
         return html
 
     def place(match: re.Match[str]) -> str:
@@ -78,7 +79,7 @@ def links(text: str) -> list[re.Match[str]]:
 
 
 def place_of(path: str) -> str | None:
-    """The file of the repository that a place on the map names, or None if there is none."""
+    """The file of the repository that a place names, or None if there is none."""
     tried = (posixpath.join(folder, path) for folder in ("grosmc_mj", "tests", ""))
     return next((each for each in tried if (ROOT / each).is_file()), None)
 

@@ -1,4 +1,8 @@
-"""The command line: the only place that prints, picks paths and exits."""
+"""The command line: the only place that prints, picks paths and exits.
+
+``program`` finds a command among ``commands``, ``screen`` says its answer, ``output`` picks the
+places of files. It offers ``main`` and the exit codes. It imports every door.
+"""
 
 from grosmc_mj.cli.entry import main
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE, INTERRUPTED, WRONG
