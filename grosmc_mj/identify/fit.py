@@ -18,12 +18,30 @@ from grosmc_mj.identify.hidden import HiddenParameter, hidden_parameter
 from grosmc_mj.identify.intervals import covariance, half_widths
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.parameters import Parameters
-from grosmc_mj.identify.refine import SMALL, refined
+from grosmc_mj.identify.refine import SMALL, Refined, refined
 from grosmc_mj.identify.replay import Predictor
-from grosmc_mj.identify.residual import Residual, rescaled, residual_of, searched
+from grosmc_mj.identify.residual import (
+    Residual,
+    SearchInterrupted,
+    growth_of_starts,
+    rescaled,
+    residual_of,
+    searched,
+)
 from grosmc_mj.identify.slips import likely_slip, unexplained_share
 from grosmc_mj.studies.sweep.quantities import Quantity
 from grosmc_mj.theory.plants import Plant
+
+# A start whose differences grow by more in a window makes a search of many parameters fail.
+_UNPREDICTABLE = 1e3
+
+
+def _growth_words(growth: float) -> str:
+    """Words on a horizon over which the plant's own motion is not predictable."""
+    return (
+        f"a difference of the start grows {growth:.0e}-fold within a prediction, so that the "
+        "search may end beside the least squares: take a shorter --horizon"
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +59,8 @@ class Fit:
         timesteps: The case's timestep and the shorter one that the values hold at [s].
         shift: Change of those that are fitted from the first timestep to the second.
         left: Change of them by the last halving of it, about what is left of its error.
+        growth: Factor by which a difference of the start of a window grows until its end.
+        finished: Whether the search was not interrupted.
     """
 
     parameters: Parameters
@@ -53,6 +73,20 @@ class Fit:
     timesteps: tuple[float, float]
     shift: Array
     left: Array
+    growth: float
+    finished: bool
+
+    @property
+    def doubts(self) -> list[str]:
+        """What may be wrong with the search and its timestep, in lines."""
+        lines = []
+        if not self.finished:
+            lines.append("interrupted: values are the best so far, and no least squares")
+        if self.growth > _UNPREDICTABLE:
+            lines.append(_growth_words(self.growth))
+        if self.finished and self.timestep_words:
+            lines.append(self.timestep_words)
+        return lines
 
     @property
     def timestep_words(self) -> str:
@@ -132,11 +166,19 @@ def fit(
     while True:
         progress(f"fitting {int(free.sum())} parameters")
         residual = residual_of(parameters, free, predictor, plant, scales, parameters.nominal)
-        residual, x = _searched_twice(residual, values)
+        finished = True
+        try:
+            residual, x = _searched_twice(residual, values, progress)
+        except SearchInterrupted as interrupted:
+            residual = interrupted.residual
+            x = interrupted.x
+            finished = False
         scales = residual.scales
         values, _ = residual.parts(x)
 
         jacobian = residual.jacobian(x)
+        if not finished:
+            return _fit_at(residual, x, jacobian, unseen, None)
         weak = hidden_parameter(parameters, free, jacobian, values)
         if weak is None:
             return _fit_at(residual, x, jacobian, unseen, progress)
@@ -147,11 +189,13 @@ def fit(
             raise ArgumentError(f"{log.name} shows none of the parameters: {weak.words}")
 
 
-def _searched_twice(residual: Residual, values: Array) -> tuple[Residual, Array]:
+def _searched_twice(
+    residual: Residual, values: Array, progress: Callable[[str], None]
+) -> tuple[Residual, Array]:
     """The residual with each state weighted by what a first search left, and its least squares."""
-    x = searched(residual, residual.point(values))
+    x = searched(residual, residual.point(values), progress)
     residual = replace(residual, scales=rescaled(residual, x))
-    return residual, searched(residual, x)
+    return residual, searched(residual, x, progress)
 
 
 def _fit_at(
@@ -159,15 +203,21 @@ def _fit_at(
     x: Array,
     jacobian: Array,
     unseen: Sequence[HiddenParameter],
-    progress: Callable[[str], None],
+    progress: Callable[[str], None] | None,
 ) -> Fit:
-    """The fit near a point of least squares, in the units of the parameters."""
+    """The fit near a point of least squares, in the units of the parameters.
+
+    Without ``progress`` the search was interrupted: the point is taken as it is.
+    """
     width = residual.width
     samples, unknowns = jacobian.shape
     freedom = samples - unknowns
     (errors,) = residual.of([x])
     scaled = covariance(jacobian, errors, len(width), residual.pieces)
-    fine = refined(residual, x, jacobian, half_widths(scaled, freedom), progress)
+    still = np.zeros(len(width))
+    fine = Refined(residual, x, still, still)
+    if progress is not None:
+        fine = refined(residual, x, jacobian, half_widths(scaled, freedom), progress)
 
     (errors,) = fine.residual.of([fine.x])
     scaled = covariance(jacobian, errors, len(width), residual.pieces)
@@ -185,6 +235,8 @@ def _fit_at(
         timesteps=(residual.predictor.timestep, fine.residual.predictor.timestep),
         shift=fine.shift * width,
         left=fine.left * width,
+        growth=growth_of_starts(jacobian, residual),
+        finished=progress is not None,
     )
 
 

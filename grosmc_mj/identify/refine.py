@@ -69,12 +69,19 @@ def refined(
     first = x
     left = np.zeros(count)
     for _ in range(_MOST_HALVINGS):
-        residual = _halved(residual)
-        progress(f"fitting at a timestep of {1e3 * residual.predictor.timestep:.3g} ms")
-        (errors,) = residual.of([x])
+        finer = _halved(residual)
+        progress(f"fitting at a timestep of {1e3 * finer.predictor.timestep:.3g} ms")
+        (errors,) = finer.of([x])
         moved = x - np.linalg.lstsq(slopes, errors, rcond=None)[0]
         moved[:count] = moved[:count].clip(0.0, 1.0)
         left = moved[:count] - x[:count]
+
+        # Far from a minimum, or where a motion is not predictable, a step of Gauss and Newton
+        # leads away: the values stay, and the intervals count its size.
+        (nearer,) = finer.of([moved])
+        if not nearer @ nearer <= errors @ errors:
+            break
+        residual = finer
         x = moved
         if (np.abs(left) <= SMALL * half).all():
             break

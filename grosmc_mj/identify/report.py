@@ -117,7 +117,7 @@ def identification(
         + _prediction_words(rows, predicted),
         notes=[
             *notes,
-            *filter(None, [fit.timestep_words]),
+            *fit.doubts,
             *(f"{row.words}." for row in fit.unseen),
         ],
     )

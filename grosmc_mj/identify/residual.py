@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,6 +25,10 @@ _DIVERGED = 1e6
 _HUBER = 1.345
 # Standard deviation of a normal distribution over the median of its size.
 _NORMAL_MEDIAN = 1.4826
+# Timesteps that a batch of runs records: some hundred megabytes of a machine of many joints.
+_MOST_ROWS = 400_000
+# Steps of a search, at most.
+_MOST_STEPS = 50
 # Starts of the windows are searched within so many sizes of a state about the first guess.
 _START_RANGE = 10.0
 
@@ -95,15 +99,18 @@ class Residual:
             values.append(x_values)
             starts.append(x_starts)
 
-        # All points and windows are one batch of runs.
-        models = [self.parameters.model(row, self.plant) for row in values]
-        runs = self.predictor.states(models, starts)
-
+        # All points and windows are one batch of runs, as far as memory has their states.
+        rows = len(self.predictor.windows) * self.predictor.steps
+        batch = max(1, _MOST_ROWS // rows)
         residuals = []
-        for model, states in zip(models, runs, strict=True):
-            errors = self.predictor.errors(states, model)
-            scaled = [np.concatenate(errors[name]) / self.scales[name] for name in errors]
-            residuals.append(np.nan_to_num(np.concatenate(scaled), nan=_DIVERGED))
+        for first in range(0, len(points), batch):
+            part = slice(first, first + batch)
+            models = [self.parameters.model(row, self.plant) for row in values[part]]
+            runs = self.predictor.states(models, starts[part])
+            for model, states in zip(models, runs, strict=True):
+                errors = self.predictor.errors(states, model)
+                scaled = [np.concatenate(errors[name]) / self.scales[name] for name in errors]
+                residuals.append(np.nan_to_num(np.concatenate(scaled), nan=_DIVERGED))
         return residuals
 
     @property
@@ -159,6 +166,24 @@ class Residual:
         return jacobian
 
 
+def growth_of_starts(jacobian: Array, residual: Residual) -> float:
+    """Return how much a difference of the start has grown at the end of a window.
+
+    Args:
+        jacobian: Derivatives of the residual, (r, p).
+        residual: The residual.
+
+    Returns:
+        The median over windows and measured states.
+    """
+    by_start = np.linalg.norm(jacobian[:, int(residual.free.sum()) :], axis=1)
+    least = 1e-12 * by_start.max()
+    factors = [
+        by_start[piece.stop - 1] / max(by_start[piece.start], least) for piece in residual.pieces
+    ]
+    return float(np.median(factors))
+
+
 def _huber(residual: Array) -> Array:
     """Numbers whose squares are Huber's loss: sizes beyond a bound in place of squares."""
     size = np.abs(residual)
@@ -203,9 +228,64 @@ def _sysid() -> Any:
     return sysid
 
 
-def searched(residual: Residual, x: Array) -> Array:
-    """The point of least squares, from a first one."""
+class SearchInterrupted(KeyboardInterrupt):
+    """Ctrl-C in a search.
+
+    Attributes:
+        residual: The residual.
+        x: Its best point so far.
+    """
+
+    def __init__(self, residual: Residual, x: Array) -> None:
+        super().__init__()
+        self.residual = residual
+        self.x = x
+
+
+class _Best:
+    """The best point of a search so far, and how far it is."""
+
+    def __init__(self, residual: Residual, x: Array, progress: Callable[[str], None]) -> None:
+        self.x = x
+        self._residual = residual
+        self._least = np.inf
+        self._progress = progress
+        self._steps = 0
+
+    def errors(self, x: Array) -> Array:
+        """The residual at a point."""
+        (errors,) = self._residual.of([x])
+        cost = float(errors @ errors)
+        if cost < self._least:
+            self._least = cost
+            self.x = x
+        return errors
+
+    def jacobian(self, x: Array) -> Array:
+        """Its derivatives there: once a step of the search."""
+        self._steps += 1
+        self._progress(
+            f"fitting {int(self._residual.free.sum())} parameters: step {self._steps} of "
+            f"{_MOST_STEPS} at most, cost {self._least:.4g}"
+        )
+        return self._residual.jacobian(x)
+
+
+def searched(
+    residual: Residual, x: Array, progress: Callable[[str], None] = lambda _: None
+) -> Array:
+    """The point of least squares, from a first one.
+
+    Args:
+        residual: The residual.
+        x: The first point.
+        progress: Told each step.
+
+    Raises:
+        SearchInterrupted: With the best point so far, after Ctrl-C.
+    """
     sysid = _sysid()
+    best = _Best(residual, x, progress)
     count = int(residual.free.sum())
     low = np.zeros(len(x))
     high = np.ones(len(x))
@@ -214,18 +294,21 @@ def searched(residual: Residual, x: Array) -> Array:
 
     variables = sysid.ParameterDict()
     variables.add(sysid.Parameter("point", np.clip(x, low, high), low, high))
-    _, result = sysid.optimize(
-        variables,
-        lambda at, _: ([residual.of([np.asarray(at).ravel()])[0][:, None]], None, None),
-        optimizer="mujoco",
-        verbose=False,
-        max_iters=50,
-        xtol=1e-7,
-        mu_factor=10.0,
-        # Nobody reads its progress.
-        output=io.StringIO(),
-        jacobian=lambda at, _: residual.jacobian(np.asarray(at).ravel()),
-    )
+    try:
+        _, result = sysid.optimize(
+            variables,
+            lambda at, _: ([best.errors(np.asarray(at).ravel())[:, None]], None, None),
+            optimizer="mujoco",
+            verbose=False,
+            max_iters=_MOST_STEPS,
+            xtol=1e-7,
+            mu_factor=10.0,
+            # Nobody reads its progress.
+            output=io.StringIO(),
+            jacobian=lambda at, _: best.jacobian(np.asarray(at).ravel()),
+        )
+    except KeyboardInterrupt:
+        raise SearchInterrupted(residual, best.x) from None
     return np.asarray(result.x, float).ravel()
 
 

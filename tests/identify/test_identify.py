@@ -42,7 +42,7 @@ from grosmc_mj.identify.parameters import parameters_of
 from grosmc_mj.identify.quality import quality, residuals
 from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.identify.report import _values_row
-from grosmc_mj.identify.residual import rescaled, residual_of
+from grosmc_mj.identify.residual import Residual, growth_of_starts, rescaled, residual_of
 from grosmc_mj.identify.slips import likely_slip, unexplained_share
 from grosmc_mj.simulation.loop import Computing, Loop, Sensor
 from grosmc_mj.studies.campaign.campaign import Campaign
@@ -427,6 +427,8 @@ def test_a_fitted_disturbance_is_written_from_its_number_in_any_spelling(tmp_pat
         timesteps=(1e-3, 5e-4),
         shift=np.zeros(2),
         left=np.zeros(2),
+        growth=1.0,
+        finished=True,
     )
     write_case(pushed, "a log", tmp_path / "identified.toml")
     push, offset = Experiment.load(tmp_path / "identified.toml").disturbances
@@ -662,6 +664,57 @@ def test_a_full_disk_loses_no_fit(
     path.write_text(mark + text, encoding="utf-8")
     payload = tomllib.loads(path.read_text(encoding="utf-8"))["uncertain"][0]
     assert payload["nominal"] == pytest.approx(logs_made.PAYLOAD / 0.02, rel=2e-3)
+
+
+def test_ctrl_c_keeps_the_best_so_far(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After six steps of a search: the answer says so, and the case has the values so far."""
+    steps = iter(range(6))
+    jacobian = Residual.jacobian
+
+    def interrupted(residual: Residual, x: Array) -> Array:
+        if next(steps, None) == 5:
+            raise KeyboardInterrupt
+        return jacobian(residual, x)
+
+    monkeypatch.setattr(Residual, "jacobian", interrupted)
+    assert run("identify", ARM_LOG, "logs/arm", "--out", tmp_path) == cli.INTERRUPTED
+    assert "interrupted: values are the best so far" in capsys.readouterr().out
+    document = json.loads((tmp_path / "identification_logs_arm_arm.json").read_text())
+    payload, _ = document["parameters"]
+    assert payload["value"] == pytest.approx(logs_made.PAYLOAD / 0.02, rel=0.1)
+    assert Experiment.load(tmp_path / "identify_logs_arm_arm.toml").plant_names == ["physics"]
+
+
+def test_a_batch_of_any_size_has_the_same_residuals(
+    log: Log, experiment: Experiment, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    parameters = parameters_of(experiment, coverage.NAMES)
+    free = np.ones(3, bool)
+    predictor = Predictor.of(log, **HOW)
+    scales = {"rotor angle": coverage.NOISE}
+    plant = experiment.plant("physics")
+    residual = residual_of(parameters, free, predictor, plant, scales, parameters.nominal)
+    x = residual.point(parameters.first)
+    points = [x, 1.01 * x, 0.99 * x]
+    at_once = residual.of(points)
+    monkeypatch.setattr("grosmc_mj.identify.residual._MOST_ROWS", 1)
+    for one, other in zip(residual.of(points), at_once, strict=True):
+        assert np.array_equal(one, other)
+
+
+@pytest.mark.parametrize(("frequency", "growth"), [(0.0, 1.0), (5.0, math.cosh(5.0))])
+def test_a_difference_of_the_start_grows_as_the_plant_s_own_motion(
+    frequency: float, growth: float
+) -> None:
+    """An angle alone, of a window of 1 s: as cosh(w t) of its start, as sinh(w t) of its rate."""
+    time = np.linspace(0.0, 1.0, 101)
+    angle = np.cosh(frequency * time)
+    of_rate = 1e-9 * np.sinh(frequency * time)
+    residual: Any = SimpleNamespace(free=np.ones(1, bool), pieces=[slice(0, 101)])
+    jacobian = np.column_stack([time, angle, of_rate])
+    assert growth_of_starts(jacobian, residual) == pytest.approx(growth)
 
 
 @pytest.mark.parametrize("command", ["identify", "compare"])

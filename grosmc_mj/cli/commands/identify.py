@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import OUTPUT, Command, Flag, Out, command
-from grosmc_mj.cli.exit_codes import DONE
+from grosmc_mj.cli.exit_codes import DONE, INTERRUPTED
 from grosmc_mj.cli.films import write_film_of_log
 from grosmc_mj.cli.targets import result_name
 from grosmc_mj.ground.errors import ArgumentError, SetupError
@@ -109,7 +109,7 @@ class IdentifyCommand(_OfLog):
         finally:
             # A fit is hours of a bench: no other failure may lose it.
             self._write_case(best, log.name, case_file)
-        return DONE
+        return DONE if best.finished else INTERRUPTED
 
     def _answer(
         self, best: Fit, held_out: Predictor, log: Log, path: Path, fitted: Predictor
