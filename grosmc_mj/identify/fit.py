@@ -92,7 +92,16 @@ class Fit:
     def timestep_words(self) -> str:
         """Words on what the case's timestep alone would change; empty if that is little."""
         first, last = self.timesteps
-        if last >= first / 2:
+        left = float(np.max(np.abs(self.left) / self.half))
+        uncertain = (
+            f"a shorter one may change {left:.2g} of an interval's half width, which it counts"
+        )
+        if last == first:
+            # No step at half the timestep led nearer.
+            return (
+                f"fitted at a timestep of {1e3 * first:.3g} ms: {uncertain}" if left > SMALL else ""
+            )
+        if last == first / 2 and left <= SMALL:
             return ""
 
         shares = np.abs(self.shift) / self.half
@@ -104,11 +113,7 @@ class Fit:
             f"fitted at a timestep of {1e3 * last:.3g} ms: at {1e3 * first:.3g} ms {quantity.name} "
             f"would be {shift} {direction}, {shares[worst]:.2g} of its interval's half width"
         )
-        # What the intervals hide needs no word.
-        left = float(np.max(np.abs(self.left) / self.half))
-        if left > SMALL:
-            words += f"; a shorter timestep would still change {left:.2g} of one, which they count"
-        return words
+        return f"{words}; {uncertain}" if left > SMALL else words
 
     def model(self, plant: Plant) -> LogModel:
         """Return the machine with the fitted values.
