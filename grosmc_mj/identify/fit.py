@@ -21,9 +21,9 @@ from grosmc_mj.identify.parameters import Parameters
 from grosmc_mj.identify.refine import SMALL, Refined, refined
 from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.identify.residual import (
+    MOST_STEPS,
     Residual,
     SearchInterrupted,
-    growth_of_starts,
     rescaled,
     residual_of,
     searched,
@@ -31,17 +31,6 @@ from grosmc_mj.identify.residual import (
 from grosmc_mj.identify.slips import likely_slip, unexplained_share
 from grosmc_mj.studies.sweep.quantities import Quantity
 from grosmc_mj.theory.plants import Plant
-
-# A start whose differences grow by more in a window makes a search of many parameters fail.
-_UNPREDICTABLE = 1e3
-
-
-def _growth_words(growth: float) -> str:
-    """Words on a horizon over which the plant's own motion is not predictable."""
-    return (
-        f"a difference of the start grows {growth:.0e}-fold within a prediction, so that the "
-        "search may end beside the least squares: take a shorter --horizon"
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +48,7 @@ class Fit:
         timesteps: The case's timestep and the shorter one that the values hold at [s].
         shift: Change of those that are fitted from the first timestep to the second.
         left: Change of them by the last halving of it, about what is left of its error.
-        growth: Factor by which a difference of the start of a window grows until its end.
+        converged: Whether the search ended before its limit of steps.
         finished: Whether the search was not interrupted.
     """
 
@@ -73,7 +62,7 @@ class Fit:
     timesteps: tuple[float, float]
     shift: Array
     left: Array
-    growth: float
+    converged: bool
     finished: bool
 
     @property
@@ -82,8 +71,11 @@ class Fit:
         lines = []
         if not self.finished:
             lines.append("interrupted: values are the best so far, and no least squares")
-        if self.growth > _UNPREDICTABLE:
-            lines.append(_growth_words(self.growth))
+        elif not self.converged:
+            lines.append(
+                f"the search ended after {MOST_STEPS} steps, perhaps beside the least squares: a "
+                "shorter --horizon makes it easier"
+            )
         if self.finished and self.timestep_words:
             lines.append(self.timestep_words)
         return lines
@@ -173,20 +165,21 @@ def fit(
         residual = residual_of(parameters, free, predictor, plant, scales, parameters.nominal)
         finished = True
         try:
-            residual, x = _searched_twice(residual, values, progress)
+            residual, x, converged = _searched_twice(residual, values, progress)
         except SearchInterrupted as interrupted:
             residual = interrupted.residual
             x = interrupted.x
             finished = False
+            converged = False
         scales = residual.scales
         values, _ = residual.parts(x)
 
         jacobian = residual.jacobian(x)
         if not finished:
-            return _fit_at(residual, x, jacobian, unseen, None)
+            return _fit_at(residual, x, jacobian, unseen, converged, None)
         weak = hidden_parameter(parameters, free, jacobian, values)
         if weak is None:
-            return _fit_at(residual, x, jacobian, unseen, progress)
+            return _fit_at(residual, x, jacobian, unseen, converged, progress)
 
         unseen.append(weak)
         free = free & (np.array(parameters.names) != weak.held)
@@ -196,11 +189,16 @@ def fit(
 
 def _searched_twice(
     residual: Residual, values: Array, progress: Callable[[str], None]
-) -> tuple[Residual, Array]:
-    """The residual with each state weighted by what a first search left, and its least squares."""
-    x = searched(residual, residual.point(values), progress)
+) -> tuple[Residual, Array, bool]:
+    """The residual with each state weighted by what a first search left, and its least squares.
+
+    Returns:
+        Whether they were found, too, before the limit of steps.
+    """
+    x, _ = searched(residual, residual.point(values), progress)
     residual = replace(residual, scales=rescaled(residual, x))
-    return residual, searched(residual, x, progress)
+    x, converged = searched(residual, x, progress)
+    return residual, x, converged
 
 
 def _fit_at(
@@ -208,6 +206,7 @@ def _fit_at(
     x: Array,
     jacobian: Array,
     unseen: Sequence[HiddenParameter],
+    converged: bool,
     progress: Callable[[str], None] | None,
 ) -> Fit:
     """The fit near a point of least squares, in the units of the parameters.
@@ -240,7 +239,7 @@ def _fit_at(
         timesteps=(residual.predictor.timestep, fine.residual.predictor.timestep),
         shift=fine.shift * width,
         left=fine.left * width,
-        growth=growth_of_starts(jacobian, residual),
+        converged=converged,
         finished=progress is not None,
     )
 

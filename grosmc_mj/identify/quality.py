@@ -58,7 +58,8 @@ def residuals(fit: Fit, predictor: Predictor, plant: Plant) -> dict[str, list[tu
     """
     none_free = np.zeros(len(fit.values), bool)
     residual = residual_of(fit.parameters, none_free, predictor, plant, fit.scales, fit.values)
-    errors = residual.errors(searched(residual, residual.point(fit.values)))
+    x, _ = searched(residual, residual.point(fit.values))
+    errors = residual.errors(x)
     samples = [window.samples for window in predictor.windows]
     return {name: list(zip(samples, parts, strict=True)) for name, parts in errors.items()}
 

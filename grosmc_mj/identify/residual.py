@@ -26,9 +26,9 @@ _HUBER = 1.345
 # Standard deviation of a normal distribution over the median of its size.
 _NORMAL_MEDIAN = 1.4826
 # Timesteps that a batch of runs records: some hundred megabytes of a machine of many joints.
-_MOST_ROWS = 400_000
+_MOST_ROWS = 100_000
 # Steps of a search, at most.
-_MOST_STEPS = 50
+MOST_STEPS = 50
 # Starts of the windows are searched within so many sizes of a state about the first guess.
 _START_RANGE = 10.0
 
@@ -166,24 +166,6 @@ class Residual:
         return jacobian
 
 
-def growth_of_starts(jacobian: Array, residual: Residual) -> float:
-    """Return how much a difference of the start has grown at the end of a window.
-
-    Args:
-        jacobian: Derivatives of the residual, (r, p).
-        residual: The residual.
-
-    Returns:
-        The median over windows and measured states.
-    """
-    by_start = np.linalg.norm(jacobian[:, int(residual.free.sum()) :], axis=1)
-    least = 1e-12 * by_start.max()
-    factors = [
-        by_start[piece.stop - 1] / max(by_start[piece.start], least) for piece in residual.pieces
-    ]
-    return float(np.median(factors))
-
-
 def _huber(residual: Array) -> Array:
     """Numbers whose squares are Huber's loss: sizes beyond a bound in place of squares."""
     size = np.abs(residual)
@@ -250,7 +232,7 @@ class _Best:
         self._residual = residual
         self._least = np.inf
         self._progress = progress
-        self._steps = 0
+        self.steps = 0
 
     def errors(self, x: Array) -> Array:
         """The residual at a point."""
@@ -263,18 +245,18 @@ class _Best:
 
     def jacobian(self, x: Array) -> Array:
         """Its derivatives there: once a step of the search."""
-        self._steps += 1
+        self.steps += 1
         self._progress(
-            f"fitting {int(self._residual.free.sum())} parameters: step {self._steps} of "
-            f"{_MOST_STEPS} at most, cost {self._least:.4g}"
+            f"fitting {int(self._residual.free.sum())} parameters: step {self.steps} of "
+            f"{MOST_STEPS} at most, cost {self._least:.4g}"
         )
         return self._residual.jacobian(x)
 
 
 def searched(
     residual: Residual, x: Array, progress: Callable[[str], None] = lambda _: None
-) -> Array:
-    """The point of least squares, from a first one.
+) -> tuple[Array, bool]:
+    """The point of least squares, from a first one, and whether the steps sufficed to find it.
 
     Args:
         residual: The residual.
@@ -300,7 +282,7 @@ def searched(
             lambda at, _: ([best.errors(np.asarray(at).ravel())[:, None]], None, None),
             optimizer="mujoco",
             verbose=False,
-            max_iters=_MOST_STEPS,
+            max_iters=MOST_STEPS,
             xtol=1e-7,
             mu_factor=10.0,
             # Nobody reads its progress.
@@ -309,7 +291,7 @@ def searched(
         )
     except KeyboardInterrupt:
         raise SearchInterrupted(residual, best.x) from None
-    return np.asarray(result.x, float).ravel()
+    return np.asarray(result.x, float).ravel(), best.steps < MOST_STEPS
 
 
 def rescaled(residual: Residual, x: Array) -> dict[str, float]:

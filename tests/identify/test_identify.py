@@ -42,7 +42,7 @@ from grosmc_mj.identify.parameters import parameters_of
 from grosmc_mj.identify.quality import quality, residuals
 from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.identify.report import _values_row
-from grosmc_mj.identify.residual import Residual, growth_of_starts, rescaled, residual_of
+from grosmc_mj.identify.residual import Residual, rescaled, residual_of
 from grosmc_mj.identify.slips import likely_slip, unexplained_share
 from grosmc_mj.simulation.loop import Computing, Loop, Sensor
 from grosmc_mj.studies.campaign.campaign import Campaign
@@ -427,7 +427,7 @@ def test_a_fitted_disturbance_is_written_from_its_number_in_any_spelling(tmp_pat
         timesteps=(1e-3, 5e-4),
         shift=np.zeros(2),
         left=np.zeros(2),
-        growth=1.0,
+        converged=True,
         finished=True,
     )
     write_case(pushed, "a log", tmp_path / "identified.toml")
@@ -729,17 +729,14 @@ def test_a_batch_of_any_size_has_the_same_residuals(
         assert np.array_equal(one, other)
 
 
-@pytest.mark.parametrize(("frequency", "growth"), [(0.0, 1.0), (5.0, math.cosh(5.0))])
-def test_a_difference_of_the_start_grows_as_the_plant_s_own_motion(
-    frequency: float, growth: float
+def test_a_search_that_ends_at_its_limit_of_steps_says_so(
+    log: Log, experiment: Experiment, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An angle alone, of a window of 1 s: as cosh(w t) of its start, as sinh(w t) of its rate."""
-    time = np.linspace(0.0, 1.0, 101)
-    angle = np.cosh(frequency * time)
-    of_rate = 1e-9 * np.sinh(frequency * time)
-    residual: Any = SimpleNamespace(free=np.ones(1, bool), pieces=[slice(0, 101)])
-    jacobian = np.column_stack([time, angle, of_rate])
-    assert growth_of_starts(jacobian, residual) == pytest.approx(growth)
+    monkeypatch.setattr("grosmc_mj.identify.residual.MOST_STEPS", 2)
+    parameters = parameters_of(experiment, coverage.NAMES)
+    plant = experiment.plant("physics")
+    found = fit(parameters, Predictor.of(log.between(0, 0.4), **HOW), plant)
+    assert found.doubts[0].startswith("the search ended after")
 
 
 @pytest.mark.parametrize("command", ["identify", "compare"])
