@@ -23,7 +23,7 @@ from grosmc_mj.experiments.requirements.optimum import compare_with_optimum
 
 MEASURED = Path(__file__).parents[2] / "measured"
 CASES = Path(__file__).with_name("log_cases")
-SERVO = Path(grosmc_mj.__file__).parent / "cases/logs/servo.csv"
+SERVO = Path(grosmc_mj.__file__).parent / "experiments/cases/logs/servo.csv"
 SAC = MEASURED / "pendulum/sac_cmd.parquet"
 STEPS = MEASURED / "dc_servo/pid_step.parquet"
 CART_POLE = MEASURED / "cart_pole/train_0.parquet"
