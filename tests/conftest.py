@@ -12,7 +12,7 @@ import os
 import shutil
 import signal
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -22,9 +22,12 @@ import hypothesis
 import numpy as np
 import pytest
 from commands import run
+from hostile_trial import Trial
 from last_digits import change_last_digits
 
 import grosmc_mj
+from grosmc_mj import cli
+from grosmc_mj.cli import screen
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
@@ -236,3 +239,20 @@ def _campaign(store: Store, kind: str, **more: Any) -> Any:
     declared = campaign_cases.campaign(getattr(campaign_cases, kind)(), **more)
     path = store.folder(f"campaign_{kind}", lambda path: campaign_cases.kept(declared, path))
     return campaign_cases.Folder(path)
+
+
+@pytest.fixture
+def hostile(
+    capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Trial]:
+    """Trial of hostile input: it sees a right answer, and a wrong one, at least."""
+    folder = tmp_path / "working"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    # No line of progress, however slow the machine is.
+    monkeypatch.setattr(screen, "LINE_EVERY", float("inf"))
+    trial = Trial(capfd, folder)
+    yield trial
+    # An oracle that calls everything an error would see nothing.
+    assert trial.ends[cli.WRONG] > 0
+    assert trial.ends[cli.DONE] + trial.ends[cli.DIFFERS] > 0

@@ -14,8 +14,8 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 import pytest
 from case_texts import RIVAL
+from hostile_trial import Trial
 from mjcf import TREE
-from trial import Trial
 
 from grosmc_mj.experiments.file.shipped import CASES, campaign_files, shipped_files
 

@@ -19,8 +19,8 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 import pytest
 import scipy.io
+from hostile_trial import Trial
 from mcap_ros2.writer import Writer
-from trial import Trial
 
 from grosmc_mj import cli
 from grosmc_mj.experiments.file.shipped import CASES

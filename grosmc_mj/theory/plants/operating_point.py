@@ -103,11 +103,15 @@ class _Search:
 
     def run(self) -> tuple[OperatingPoint, Array]:
         """Find the point with the least rates, and these, (n,)."""
+        no_input = np.zeros(len(self.plant.system.inputs))
+        begin = np.concatenate([self.start[self.free], no_input])
+        rates = self._rates(begin)
+        if not rates.any():
+            return self._point(begin), rates
+
         # Imported in the function, for few runs need this part of scipy.
         import scipy.optimize
 
-        no_input = np.zeros(len(self.plant.system.inputs))
-        begin = np.concatenate([self.start[self.free], no_input])
         solution = scipy.optimize.least_squares(
             self._rates, begin, xtol=1e-15, ftol=1e-15, gtol=1e-15
         )

@@ -352,18 +352,28 @@ def test_what_fails_without_any_disturbance_is_said_first(tmp_path, capsys: Scre
     assert "all is kept" not in screen
 
 
-@pytest.mark.parametrize("bound", ["1e308 A", "-1e308 A", "1e200 A"])
-def test_a_bound_beyond_any_number_ends_the_run(tmp_path, capsys: Screen, bound) -> None:
+@pytest.mark.parametrize(
+    ("bound", "refusal"),
+    [
+        ("1e308 A", "--bound: '1e308 A' is too large: write 1e+100 at most"),
+        ("-1e308 A", "--bound: '-1e308 A' is too large: write 1e+100 at most"),
+        ("-1 A", "--bound '-1 A' must be positive"),
+    ],
+)
+def test_a_bound_that_no_disturbance_has_is_refused(
+    tmp_path: Path, capsys: Screen, bound: str, refusal: str
+) -> None:
     path = unruly(tmp_path, "0.0")
     options = ("--on", "current", "--bound", bound, "--pieces", "2", "--out", tmp_path)
-    code = run("study", "disturbance", path, *options)
-    screen = capsys.readouterr()
-    if bound.startswith("-"):
-        assert code == 2
-        assert "--bound '-1e308 A' must be positive" in screen.err
-    else:
-        assert code == 1
-        assert "law: the run ends early" in screen.out
+    assert run("study", "disturbance", path, *options) == 2
+    assert refusal in capsys.readouterr().err
+
+
+def test_a_huge_disturbance_ends_the_run(tmp_path: Path, capsys: Screen) -> None:
+    path = unruly(tmp_path, "0.0")
+    options = ("--on", "current", "--bound", "1e99 A", "--pieces", "2", "--out", tmp_path)
+    assert run("study", "disturbance", path, *options) == 1
+    assert "law: the run ends early" in capsys.readouterr().out
 
 
 def test_a_search_that_ends_at_its_limit_says_at_least(tmp_path, capsys: Screen) -> None:

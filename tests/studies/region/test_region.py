@@ -402,7 +402,7 @@ def test_a_screened_map_is_that_of_mujoco(monkeypatch: pytest.MonkeyPatch) -> No
         ("arm --limits 115 10", "lie outside q < pi/2"),
         ("cart_pendulum --limits 115 10", "lie outside |theta| < pi/2"),
         ("arm/machine --limits 89 10", "beyond its stops at -1.5 and 1.5 rad"),
-        ("arm --points 2 --out /dev/null/x", "/dev/null/x"),
+        ("arm --points 2 --out /dev/null/x", "/dev/null is a file, and a folder is needed"),
     ],
 )
 def test_a_question_without_sense_is_one_line(
