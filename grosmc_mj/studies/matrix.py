@@ -10,7 +10,7 @@ from grosmc_mj.output.results.charts import write_cells
 from grosmc_mj.output.results.figure import in_lines
 from grosmc_mj.output.results.result import CellChart
 from grosmc_mj.output.results.tables import Table, numbers, table, words
-from grosmc_mj.studies.studied import Condition, StudiedLaw
+from grosmc_mj.studies.target import Condition, StudiedLaw
 
 # Value of a verdict in a chart of cells.
 _VALUES = {"kept": -1.0, "partly": 0.0, "failed": 1.0}

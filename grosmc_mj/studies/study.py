@@ -19,7 +19,7 @@ from grosmc_mj.ground.executors import Notice
 from grosmc_mj.ground.files import atomic_write
 from grosmc_mj.ground.versions import source_digest, versions
 from grosmc_mj.output.results.document import json_text
-from grosmc_mj.studies.studied import Condition
+from grosmc_mj.studies.target import Condition
 
 AnyRow = TypeVar("AnyRow", bound=BaseModel)
 # Function that is told how far the measurement of a cell is.

@@ -23,10 +23,10 @@ from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.output.results.result import finite
 from grosmc_mj.studies.disturbance.bounded import BoundedDisturbance, bounded_disturbance
 from grosmc_mj.studies.disturbance.signal_search import EnoughError, SignalSearch
-from grosmc_mj.studies.studied import BENCH, UNDER_LOAD, Condition, case_for
 from grosmc_mj.studies.study import Advance, CellRunner, Study, StudyCell, dependencies
 from grosmc_mj.studies.sweep.runs import Row, recorded_runs, run_rows
 from grosmc_mj.studies.sweep.search import largest_passing
+from grosmc_mj.studies.target import BENCH, UNDER_LOAD, Condition, case_for
 
 # Shares of the limits with N and with 2 N pieces that agree.
 AGREES = 0.05

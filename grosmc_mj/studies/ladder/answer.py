@@ -40,7 +40,7 @@ from grosmc_mj.studies.matrix import (
     verdict_chart,
     verdict_table,
 )
-from grosmc_mj.studies.studied import Condition, StudiedLaw
+from grosmc_mj.studies.target import Condition, StudiedLaw
 
 STANDS = "stands"
 LEGEND = (

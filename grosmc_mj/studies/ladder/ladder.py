@@ -22,7 +22,9 @@ from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, GrosmcError, SetupError
 from grosmc_mj.output.results.tables import number
 from grosmc_mj.studies.ladder.rungs import Rung, rungs_of, varied_rungs
-from grosmc_mj.studies.studied import (
+from grosmc_mj.studies.study import Advance, Study, StudyCell, dependencies
+from grosmc_mj.studies.sweep.runs import Outcomes, Row, run_rows
+from grosmc_mj.studies.target import (
     MACHINE,
     UNDER_LOAD,
     Condition,
@@ -33,8 +35,6 @@ from grosmc_mj.studies.studied import (
     judgeable_in,
     limits_in,
 )
-from grosmc_mj.studies.study import Advance, Study, StudyCell, dependencies
-from grosmc_mj.studies.sweep.runs import Outcomes, Row, run_rows
 from grosmc_mj.theory.control.controller import Controller
 
 # Stands for the requirement that breaks first of a run that ended early.

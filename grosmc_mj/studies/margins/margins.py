@@ -26,7 +26,8 @@ from grosmc_mj.studies.margins.multisine import multisine
 from grosmc_mj.studies.margins.sensitivity import LEAVES, REALIZATIONS, Place, RunningLoop
 from grosmc_mj.studies.margins.task import Task, TaskMargin
 from grosmc_mj.studies.margins.trust import measure_with_tests
-from grosmc_mj.studies.studied import (
+from grosmc_mj.studies.study import Advance, Study, StudyCell, dependencies
+from grosmc_mj.studies.target import (
     BENCH,
     MACHINE,
     Condition,
@@ -38,7 +39,6 @@ from grosmc_mj.studies.studied import (
     limits_in,
     of_system,
 )
-from grosmc_mj.studies.study import Advance, Study, StudyCell, dependencies
 
 IDEAL = "ideal loop"
 # The largest injection, over the limit of the input or over the range of a state in its task.

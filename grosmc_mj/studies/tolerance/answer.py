@@ -26,7 +26,7 @@ from grosmc_mj.studies.matrix import (
     law_document,
     verdict_table,
 )
-from grosmc_mj.studies.studied import StudiedLaw
+from grosmc_mj.studies.target import StudiedLaw
 from grosmc_mj.studies.tolerance.imperfections import ALL, Imperfection
 from grosmc_mj.studies.tolerance.tolerance import (
     FINER,

@@ -18,7 +18,11 @@ from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.ground.executors import executor_for
 from grosmc_mj.simulation.loop import Loop
-from grosmc_mj.studies.studied import (
+from grosmc_mj.studies.study import Advance, CellRunner, Study, StudyCell, dependencies
+from grosmc_mj.studies.sweep.confirmation import MarginConfirmation, drawn_at_random
+from grosmc_mj.studies.sweep.runs import MARGIN, Outcomes, Row, run_rows
+from grosmc_mj.studies.sweep.search import Search
+from grosmc_mj.studies.target import (
     BENCH,
     Condition,
     StudiedLaw,
@@ -29,10 +33,6 @@ from grosmc_mj.studies.studied import (
     limits_in,
     of_system,
 )
-from grosmc_mj.studies.study import Advance, CellRunner, Study, StudyCell, dependencies
-from grosmc_mj.studies.sweep.confirmation import MarginConfirmation, drawn_at_random
-from grosmc_mj.studies.sweep.runs import MARGIN, Outcomes, Row, run_rows
-from grosmc_mj.studies.sweep.search import Search
 from grosmc_mj.studies.tolerance.imperfections import (
     LEAST,
     MOST,

@@ -11,8 +11,8 @@ from grosmc_mj.studies.margins.changes import DELAY, GAIN_DOWN, GAIN_UP, ChangeS
 from grosmc_mj.studies.margins.chatter import Chatter, chatter
 from grosmc_mj.studies.margins.sensitivity import Place, RunningLoop
 from grosmc_mj.studies.margins.task import Task, TaskMargin
-from grosmc_mj.studies.studied import chosen_laws, judgeable_in, limits_in
-from grosmc_mj.studies.studied import conditions_of as conditions
+from grosmc_mj.studies.target import chosen_laws, judgeable_in, limits_in
+from grosmc_mj.studies.target import conditions_of as conditions
 
 
 def servo_task(name: str, condition: str = "nominal", draws: int = 1) -> Task:

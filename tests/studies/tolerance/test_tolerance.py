@@ -25,11 +25,11 @@ from grosmc_mj import cli
 from grosmc_mj.ground.executors import Batch
 from grosmc_mj.output.results.document import json_text
 from grosmc_mj.simulation.loop import Loop
-from grosmc_mj.studies.studied import judgeable_in
 from grosmc_mj.studies.study import CellRunner
 from grosmc_mj.studies.sweep.confirmation import LEAST_BAND, MarginConfirmation
 from grosmc_mj.studies.sweep.runs import Outcomes
 from grosmc_mj.studies.sweep.search import Search
+from grosmc_mj.studies.target import judgeable_in
 from grosmc_mj.studies.tolerance import answer, imperfections, tolerance
 from grosmc_mj.studies.tolerance.answer import verdict
 from grosmc_mj.studies.tolerance.imperfections import Imperfection

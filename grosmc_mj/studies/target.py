@@ -1,4 +1,4 @@
-"""Laws, load conditions and limits that the tolerance and ladder studies share."""
+"""Target of a study: its case, and the conditions, limits and laws that it is studied with."""
 
 from __future__ import annotations
 
