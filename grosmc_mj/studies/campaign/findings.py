@@ -20,7 +20,7 @@ from grosmc_mj.studies.campaign.drivers import (
 )
 from grosmc_mj.studies.campaign.manifest import result_of
 from grosmc_mj.studies.campaign.paired import PairedDifference, paired, paired_table
-from grosmc_mj.studies.campaign.screening_summary import ScreeningSummary, screening_sentences
+from grosmc_mj.studies.campaign.screening import ScreeningSummary, screening_sentences
 from grosmc_mj.studies.campaign.store import Folder
 from grosmc_mj.studies.campaign.work import run_missing
 from grosmc_mj.studies.sweep.family import SCREENING
