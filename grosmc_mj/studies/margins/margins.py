@@ -23,9 +23,14 @@ from grosmc_mj.simulation.loop import Loop
 from grosmc_mj.studies.margins.chatter import chatter
 from grosmc_mj.studies.margins.law_margins import LEVELS, SEED, LawMargins, Level, in_draws
 from grosmc_mj.studies.margins.multisine import multisine
-from grosmc_mj.studies.margins.sensitivity import LEAVES, REALIZATIONS, Place, RunningLoop
+from grosmc_mj.studies.margins.sensitivity import (
+    LEAVES,
+    REALIZATIONS,
+    Place,
+    RunningLoop,
+    measure_with_tests,
+)
 from grosmc_mj.studies.margins.task import Task, TaskMargin
-from grosmc_mj.studies.margins.trust import measure_with_tests
 from grosmc_mj.studies.study import Advance, Study, StudyCell, dependencies
 from grosmc_mj.studies.target import (
     BENCH,

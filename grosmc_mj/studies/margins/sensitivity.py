@@ -1,4 +1,4 @@
-"""Sensitivity of a running loop, measured by injection of multisines."""
+"""Sensitivity of a running loop, measured by injection of multisines, and whether to trust it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from grosmc_mj.studies.margins.frequency_response import (
     is_unclear_at_zero,
     margins_of,
 )
-from grosmc_mj.studies.margins.multisine import Multisine
+from grosmc_mj.studies.margins.multisine import Multisine, multisine
 from grosmc_mj.theory.control.controller import Controller
 from grosmc_mj.theory.plants import Plant
 
@@ -45,6 +45,10 @@ _NEAR = 3.0
 # Periods of the crossover frequency in a period of the multisine, and lines, at least.
 _PERIODS = 6
 FEWEST = 8
+# Longest period that is tried, over the first one.
+_LONGEST_PERIOD = 4
+# Two amplitudes agree if their margins are within this share of each other.
+AGREES = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -328,3 +332,46 @@ def _at_lines(signal: Multisine, injected: Array, response: Array) -> NDArray[np
     window = 1 - np.cos(2 * np.pi * np.arange(len(counted)) / len(counted))
     spectrum = np.fft.rfft(counted * window[:, None], axis=0)[signal.lines * COUNTED] / COUNTED
     return spectrum / np.fft.rfft(injected)[signal.lines, None]
+
+
+def measure_with_tests(
+    loop: RunningLoop, place: Place, period: float, rms: float, seed: int = 0
+) -> tuple[Sensitivity, str]:
+    """Measure S, for a longer period if the loop is slow, and again with half the amplitude.
+
+    Args:
+        loop: The loop.
+        place: Place of the injection.
+        period: Period of the multisine [s].
+        rms: Size of the injection, in the unit of the place.
+        seed: Seed of the phases.
+
+    Returns:
+        The measurement, and the reason why its margins cannot be trusted; empty if they can.
+
+    Raises:
+        ArgumentError: If the loop has no such place, or the period is too short for lines.
+    """
+    signal = multisine(period, loop.control_period)
+    measured = measure(loop, place, signal, rms, seed=seed)
+    while measured.needs_slower_lines and signal.period < _LONGEST_PERIOD * period:
+        signal = multisine(2 * signal.period, loop.control_period)
+        measured = measure(loop, place, signal, rms, seed=seed)
+
+    doubt = measured.doubt
+    if not doubt:
+        half = measure(loop, place, signal, rms / 2, seed=seed)
+        doubt = _disagreement(measured.margins, half.margins)
+    return measured, doubt
+
+
+def _disagreement(margins: Margins, half: Margins) -> str:
+    """Difference of the margins at half the amplitude, in words; empty if they agree."""
+    whole = margins.delay
+    other = half.delay
+    if np.isinf(whole) or np.isinf(other):
+        whole = margins.disk
+        other = half.disk
+    if abs(other - whole) <= AGREES * whole:
+        return ""
+    return f"half the amplitude gives {other / whole:.2g} times the margin"
