@@ -2,7 +2,7 @@
 
 Between the frequencies ln L is a cubic spline over ln f. Below the lowest one L, or 1/L where L is
 large, is a polynomial of j f with real coefficients, since L(-f) is the conjugate of L(f): so L is
-real at f = 0.
+real at f = 0. Of several inputs S is a matrix, from which the disk margin of all at once follows.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize
 
 from grosmc_mj.ground.arrays import Array
 
@@ -33,6 +34,10 @@ _NOTHING = 1e-9
 # L is real at f = 0 and at the Nyquist frequency. At the lowest and the highest frequency it counts
 # as real if its phase is as near to that of a negative number [rad].
 _REAL = 0.35
+# Points from the frequency below the worst one to that above it.
+_POINTS_ABOUT_WORST = 21
+# Largest exponent of a scaling: beyond it a matrix counts as triangular.
+_LARGEST_EXPONENT = 15.0
 
 
 @dataclass(frozen=True)
@@ -231,3 +236,60 @@ def _critical_gains(loop: LoopGain) -> Array:
     log_gains = real.log_gain[np.cos(real.phase) < 0]
     ends = loop.log_gain[[0, -1]][np.cos(loop.phase[[0, -1]]) < -np.cos(_REAL)]
     return np.exp(-np.concatenate([log_gains, ends]))
+
+
+def disk_together(frequency: ArrayLike, sensitivity: ArrayLike) -> float:
+    """Return 1/max mu(S - I/2): each input may change within a disk of this size at once.
+
+    About the worst frequency I + L = S^-1, which is smoother than S, is a cubic spline over ln f.
+
+    Args:
+        frequency: Frequencies, ascending [Hz], (count,).
+        sensitivity: S there, (count, m, m).
+    """
+    S = np.asarray(sensitivity)
+    half = 0.5 * np.eye(S.shape[1])
+    norms = [scaled_norm(matrix - half) for matrix in S]
+    worst = int(np.argmax(norms))
+
+    x = np.log(frequency)
+    about = np.linspace(x[max(worst - 1, 0)], x[min(worst + 1, len(x) - 1)], _POINTS_ABOUT_WORST)
+    return_difference = CubicSpline(x, np.linalg.pinv(S))(about)
+    norms += [scaled_norm(matrix - half) for matrix in np.linalg.pinv(return_difference)]
+    return 1 / max(norms)
+
+
+def scaled_norm(matrix: NDArray[np.complex128]) -> float:
+    """Least norm of D M D^-1 over diagonal D > 0, a bound of mu from above; exact up to m = 3.
+
+    Args:
+        matrix: M, (m, m).
+    """
+    m = len(matrix)
+    if m == 1:
+        return float(np.abs(matrix[0, 0]))
+
+    def norm(exponents: Array) -> float:
+        d = np.exp(np.append(np.clip(exponents, -_LARGEST_EXPONENT, _LARGEST_EXPONENT), 0.0))
+        return float(np.linalg.norm(matrix * d[:, None] / d, 2))
+
+    # It is convex in the exponents; the start is the best for the magnitudes (Osborne, Perron).
+    start = _perron(np.abs(matrix))
+    options = {"xatol": 1e-6, "fatol": 1e-9, "maxiter": 400 * m}
+    found = minimize(norm, start, method="Nelder-Mead", options=options)
+    return float(min(found.fun, norm(np.zeros(m - 1))))
+
+
+def _perron(magnitudes: Array) -> Array:
+    """Exponents of the scaling by Perron's vectors, the last one zero, (m - 1,)."""
+    positive = magnitudes + 1e-9 * magnitudes.max()
+    right = _eigenvector(positive)
+    left = _eigenvector(positive.T)
+    exponents = 0.5 * np.log(left / right)
+    return exponents[:-1] - exponents[-1]
+
+
+def _eigenvector(positive: Array) -> Array:
+    """Perron's vector of a positive matrix, (m,)."""
+    values, vectors = np.linalg.eig(positive)
+    return np.abs(vectors[:, np.argmax(np.real(values))])

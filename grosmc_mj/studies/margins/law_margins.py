@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
 from grosmc_mj.studies.margins.chatter import Chatter
-from grosmc_mj.studies.margins.frequency_response import Margins
+from grosmc_mj.studies.margins.frequency_response import Margins, disk_together
 from grosmc_mj.studies.margins.sensitivity import AGREES, FEWEST
 from grosmc_mj.studies.margins.task import TaskMargin
-from grosmc_mj.studies.margins.together import disk_together
 
 # Sizes of the injections, over the largest: half decades.
 LEVELS = 10 ** np.linspace(-2, 0, 5)

@@ -16,10 +16,15 @@ from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.simulation.loop import Computing, Loop
 from grosmc_mj.simulation.simulate import simulate
-from grosmc_mj.studies.margins.frequency_response import Margins, interpolation_errors, margins_of
+from grosmc_mj.studies.margins.frequency_response import (
+    Margins,
+    disk_together,
+    interpolation_errors,
+    margins_of,
+    scaled_norm,
+)
 from grosmc_mj.studies.margins.multisine import multisine
 from grosmc_mj.studies.margins.sensitivity import Place, RunningLoop, measure, measure_with_tests
-from grosmc_mj.studies.margins.together import disk_together, scaled_norm
 from grosmc_mj.studies.target import chosen_laws
 from grosmc_mj.theory.control.controller import Controller, Sampled
 from grosmc_mj.theory.control.memory import Memory, memory_of
