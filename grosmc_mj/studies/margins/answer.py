@@ -22,15 +22,8 @@ from grosmc_mj.output.results.tables import Table, names, number, numbers, phras
 from grosmc_mj.studies.margins.changes import DELAY, GAIN_DOWN, GAIN_UP
 from grosmc_mj.studies.margins.chatter import Chatter
 from grosmc_mj.studies.margins.figure import charts
-from grosmc_mj.studies.margins.law_margins import (
-    LEVELS,
-    SEED,
-    LawMargins,
-    in_draws,
-    shared_level,
-    together,
-)
 from grosmc_mj.studies.margins.margins import MarginStudy, Setup
+from grosmc_mj.studies.margins.row import LEVELS, SEED, LawMargins, in_draws, shared_level, together
 from grosmc_mj.studies.margins.task import TaskMargin
 
 LEGEND = (

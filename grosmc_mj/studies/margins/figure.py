@@ -11,8 +11,8 @@ from grosmc_mj.ground.arrays import Array
 from grosmc_mj.output.results.result import LineChart, Series
 from grosmc_mj.output.results.tables import number
 from grosmc_mj.studies.margins.frequency_response import LoopGain, interpolated
-from grosmc_mj.studies.margins.law_margins import LEVELS, LawMargins, shared_level
 from grosmc_mj.studies.margins.margins import Setup
+from grosmc_mj.studies.margins.row import LEVELS, LawMargins, shared_level
 
 # Largest |L| of a Nyquist plot.
 _NYQUIST = 3.0

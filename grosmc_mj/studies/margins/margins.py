@@ -21,8 +21,8 @@ from grosmc_mj.output.results.tables import number
 from grosmc_mj.simulation.disturbances import Table as Injected
 from grosmc_mj.simulation.loop import Loop
 from grosmc_mj.studies.margins.chatter import chatter
-from grosmc_mj.studies.margins.law_margins import LEVELS, SEED, LawMargins, Level, in_draws
 from grosmc_mj.studies.margins.multisine import multisine
+from grosmc_mj.studies.margins.row import LEVELS, SEED, LawMargins, Level, in_draws
 from grosmc_mj.studies.margins.sensitivity import (
     LEAVES,
     REALIZATIONS,

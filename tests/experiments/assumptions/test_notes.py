@@ -16,8 +16,8 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.requirements.judging import judge_runs
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.studies.margins.answer import margins_result
-from grosmc_mj.studies.margins.law_margins import LawMargins
 from grosmc_mj.studies.margins.margins import margin_study
+from grosmc_mj.studies.margins.row import LawMargins
 
 # A law that asks for 5 A in the first half of the run, and for 1 A in the second.
 LAW = """

@@ -16,13 +16,13 @@ from commands import Screen, assert_one_line, run
 from grosmc_mj import cli
 from grosmc_mj.output.results.result import Result
 from grosmc_mj.studies.margins import figure as margins_figure
-from grosmc_mj.studies.margins import law_margins as rows_of_laws
+from grosmc_mj.studies.margins import row as rows_of_laws
 from grosmc_mj.studies.margins.answer import margin_table, notes, verdict
 from grosmc_mj.studies.margins.changes import DELAY, GAIN_DOWN, GAIN_UP
 from grosmc_mj.studies.margins.chatter import Chatter
 from grosmc_mj.studies.margins.frequency_response import Margins, margins_of
-from grosmc_mj.studies.margins.law_margins import LEVELS, LawMargins, Level
 from grosmc_mj.studies.margins.margins import MarginStudy, law_margins, margin_study
+from grosmc_mj.studies.margins.row import LEVELS, LawMargins, Level
 from grosmc_mj.studies.margins.sensitivity import Place
 from grosmc_mj.studies.margins.task import TaskMargin
 from grosmc_mj.studies.study import CellRunner

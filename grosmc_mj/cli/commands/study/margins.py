@@ -14,8 +14,8 @@ from grosmc_mj.cli.commands.study.study_command import StudyCommand
 
 if TYPE_CHECKING:
     from grosmc_mj.output.results.result import Result
-    from grosmc_mj.studies.margins.law_margins import LawMargins
     from grosmc_mj.studies.margins.margins import MarginStudy
+    from grosmc_mj.studies.margins.row import LawMargins
 
 
 @command
