@@ -28,13 +28,9 @@ from grosmc_mj.studies.matrix import (
 )
 from grosmc_mj.studies.target import StudiedLaw
 from grosmc_mj.studies.tolerance.imperfections import ALL, Imperfection
-from grosmc_mj.studies.tolerance.tolerance import (
-    FINER,
-    PER_OCTAVE,
-    RESOLUTION,
-    Tolerance,
-    ToleranceStudy,
-)
+from grosmc_mj.studies.tolerance.row import Tolerance
+from grosmc_mj.studies.tolerance.search import FINER, PER_OCTAVE, RESOLUTION
+from grosmc_mj.studies.tolerance.tolerance import ToleranceStudy
 
 _STEP = f"{100 * (2 ** (1 / PER_OCTAVE) - 1):.0f} %"
 _FINER_STEP = f"{100 * (2 ** (1 / FINER) - 1):.0f} %"

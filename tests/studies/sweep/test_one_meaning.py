@@ -11,7 +11,8 @@ from grosmc_mj.experiments.requirements.judging import Judgement
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.studies.campaign.batch import evaluate
 from grosmc_mj.studies.campaign.campaign import Campaign
-from grosmc_mj.studies.tolerance.tolerance import Trial, Trials, tolerance_study
+from grosmc_mj.studies.tolerance.tolerance import tolerance_study
+from grosmc_mj.studies.tolerance.trials import Trial, Trials
 
 # A push moves the rotor from where it shall be; without `band` there is no error to be a share of.
 AT_REST = """

@@ -33,17 +33,24 @@ from grosmc_mj.studies.target import judgeable_in
 from grosmc_mj.studies.tolerance import answer, imperfections, tolerance
 from grosmc_mj.studies.tolerance.answer import verdict
 from grosmc_mj.studies.tolerance.imperfections import Imperfection
-from grosmc_mj.studies.tolerance.tolerance import (
-    LawTolerances,
-    Tolerance,
-    ToleranceStudy,
+from grosmc_mj.studies.tolerance.row import LawTolerances, Tolerance
+from grosmc_mj.studies.tolerance.search import (
+    BEYOND,
+    FINER,
+    PER_OCTAVE,
+    RESOLUTION,
+    ToleranceSearch,
+    _confirmed,
+    confirm_searches,
     geometric_mean,
-    tolerance_study,
-    tolerances,
+    resolved,
 )
+from grosmc_mj.studies.tolerance.tolerance import ToleranceStudy, tolerance_study, tolerances
+from grosmc_mj.studies.tolerance.trials import Trial, TrialResult, Trials, _judged
 
 DELAY = 0.05
 MOST = imperfections.MOST
+SEARCH = "grosmc_mj.studies.tolerance.search"
 FILE = f"""
 plant = {{ system = "servo" }}
 computing = {{ delay = "{DELAY} s" }}
@@ -66,19 +73,19 @@ def answered(keeps: Callable[[float], bool], begin: float = 0.0, **options: Any)
     options = {
         "most": MOST,
         "least": imperfections.LEAST,
-        "per_octave": tolerance.PER_OCTAVE,
+        "per_octave": PER_OCTAVE,
         **options,
     }
     search = Search(
-        middle=tolerance.geometric_mean,
-        narrow=tolerance.resolved,
+        middle=geometric_mean,
+        narrow=resolved,
         **options,
     )
     if begin:
         search.known[begin] = keeps(begin)
     while True:
-        factors = search.factors() if begin else search.on_grid(tolerance.BEYOND)
-        factors = factors or search.finely(tolerance.FINER)
+        factors = search.factors() if begin else search.on_grid(BEYOND)
+        factors = factors or search.finely(FINER)
         if not factors:
             return search
         assert not set(factors) & set(search.known)
@@ -115,7 +122,7 @@ def test_the_bound_is_searched_from_below(
     search = answered(keeps, begin)
     assert search.largest is not None
     assert search.failed is not None
-    resolution = tolerance.RESOLUTION * 1.001
+    resolution = RESOLUTION * 1.001
     assert search.largest <= bound < search.failed <= search.largest * resolution
     assert search.again == again
 
@@ -147,13 +154,13 @@ def test_times_on_a_grid_are_tried_once() -> None:
 def test_the_bench_s_own_amount_is_run(*, kept_at_the_bench: bool) -> None:
     """Physics begins where the equations end, at 0.98 and 1.06 of the bench."""
     studied = tolerance_study("servo", ["sign"])
-    search = tolerance.ToleranceSearch(imperfection(studied, "actuator lag"), studied.conditions[0])
+    search = ToleranceSearch(imperfection(studied, "actuator lag"), studied.conditions[0])
     kept = {0.0: True, 0.98: True, 1.0: kept_at_the_bench, 1.06: False}
     factors = [0.0, 0.98, 1.06]
     while factors:
         for factor in factors:
             passes = kept.get(factor, factor < 1.0)
-            search.note(factor, tolerance.TrialResult(passes, 0.0, "deviation_below"))
+            search.note(factor, TrialResult(passes, 0.0, "deviation_below"))
         factors = search.next_factors(local=True)
 
     assert 1.0 in search.results
@@ -164,9 +171,9 @@ def test_the_bench_s_own_amount_is_run(*, kept_at_the_bench: bool) -> None:
 def test_the_bench_s_own_amount_is_kept_in_all_draws() -> None:
     studied = tolerance_study("servo", ["sign"])
     kind = imperfection(studied, "computing missed")
-    search = tolerance.ToleranceSearch(kind, studied.conditions[0])
+    search = ToleranceSearch(kind, studied.conditions[0])
     for factor in (1.0, 2.0):
-        search.note(factor, tolerance.TrialResult(True, 0.5, ""))
+        search.note(factor, TrialResult(True, 0.5, ""))
     assert search.unsure() == [2.0, 1.0]
 
 
@@ -307,15 +314,15 @@ def test_the_worst_requirement_has_the_least_margin_in_parts_of_its_limit() -> N
         SimpleNamespace(name="error", number=0.2),
         SimpleNamespace(name="effort", number=100.0),
     ]
-    judged = tolerance._judged(outcomes, 0, limits, 3)
-    assert judged == tolerance.TrialResult(True, 0.5 / 100, "effort", 3)
+    judged = _judged(outcomes, 0, limits, 3)
+    assert judged == TrialResult(True, 0.5 / 100, "effort", 3)
 
 
 def test_a_requirement_without_a_measurement_is_not_kept() -> None:
     columns = {"margin effort": np.array([0.5]), "margin error": np.array([np.nan])}
     outcomes = Outcomes((), {"status": np.array(["completed"]), **columns})
     limits: Any = [SimpleNamespace(name=name, number=1.0) for name in ("effort", "error")]
-    judged = tolerance._judged(outcomes, 0, limits, 0)
+    judged = _judged(outcomes, 0, limits, 0)
     assert (judged.kept, judged.worst) == (False, "error")
 
 
@@ -358,15 +365,15 @@ def test_a_process_reads_the_same_study() -> None:
 
 @pytest.mark.parametrize("failing", [None, 0, 1, 3])
 def test_all_draws_must_keep_it(failing: int | None, monkeypatch: pytest.MonkeyPatch) -> None:
-    def made(self: tolerance.Trials, *groups: Any) -> None:
+    def made(self: Trials, *groups: Any) -> None:
         for trial, number in groups[-1]:
-            outcome = tolerance.TrialResult(number != failing, 0.5, "", number)
+            outcome = TrialResult(number != failing, 0.5, "", number)
             self.known[trial, number] = outcome
 
-    monkeypatch.setattr(tolerance.Trials, "_run", made)
+    monkeypatch.setattr(Trials, "_run", made)
     studied = tolerance_study("servo", ["lqr"])
-    trials = tolerance.Trials(studied.laws[0], "corrected", {}, studied.bench, draws=4)
-    (worst,) = trials.worst([tolerance.Trial(studied.conditions[0], studied.bench)])
+    trials = Trials(studied.laws[0], "corrected", {}, studied.bench, draws=4)
+    (worst,) = trials.worst([Trial(studied.conditions[0], studied.bench)])
     assert worst.kept is (failing is None)
 
     # None is run for a loop that has failed already.
@@ -390,7 +397,7 @@ def none_at_random(count: int) -> Any:
 def checked(studied: ToleranceStudy) -> list[Tolerance]:
     """The tolerances that are looked at in physics, none of them at random."""
     with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(tolerance, "drawn_at_random", none_at_random)
+        monkeypatch.setattr(f"{SEARCH}.drawn_at_random", none_at_random)
         rows = tolerances(studied, 0)
     return [row for row in rows if row.physics_agrees is not None]
 
@@ -401,7 +408,7 @@ def neighbours(delayed: ToleranceStudy) -> list[Tolerance]:
     with pytest.MonkeyPatch.context() as monkeypatch:
         # The distance of the others from their limits is less than that.
         unbounded = partial(MarginConfirmation, band=math.inf)
-        monkeypatch.setattr(tolerance, "MarginConfirmation", unbounded)
+        monkeypatch.setattr(f"{SEARCH}.MarginConfirmation", unbounded)
         return checked(delayed)
 
 
@@ -437,7 +444,7 @@ class AnsweredSearch:
     ends = (1.0,)
 
     def __init__(self, margin: float, largest: float) -> None:
-        self.results = {1.0: tolerance.TrialResult(True, margin, "")}
+        self.results = {1.0: TrialResult(True, margin, "")}
         self.weakness = (False, largest)
 
     def trial(self, _: float) -> AnsweredSearch:
@@ -459,24 +466,22 @@ def test_physics_looks_within_ten_times_the_largest_difference_of_a_margin(
     physics: Any = SimpleNamespace(known={})
     for search in searches:
         margin = search.results[1.0].margin
-        physics.known[search, 0] = tolerance.TrialResult(True, margin, "")
-    physics.known[least, 0] = tolerance.TrialResult(True, 0.5 + difference, "")
+        physics.known[search, 0] = TrialResult(True, margin, "")
+    physics.known[least, 0] = TrialResult(True, 0.5 + difference, "")
 
-    monkeypatch.setattr(tolerance, "drawn_at_random", none_at_random)
-    monkeypatch.setattr(tolerance, "_confirmed", lambda chosen, _: dict.fromkeys(chosen, True))
-    assert set(tolerance._screened(searches, physics)) == {least, near, beyond}
+    monkeypatch.setattr(f"{SEARCH}.drawn_at_random", none_at_random)
+    monkeypatch.setattr(f"{SEARCH}._confirmed", lambda chosen, _: dict.fromkeys(chosen, True))
+    assert set(confirm_searches(searches, physics)) == {least, near, beyond}
 
 
 @pytest.mark.slow
 def test_physics_looks_at_every_tolerance_once_one_differs(
     delayed: ToleranceStudy, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    confirmed = tolerance._confirmed
-
     def differs(*parts: Any) -> dict[Any, bool]:
-        return dict.fromkeys(confirmed(*parts), False)
+        return dict.fromkeys(_confirmed(*parts), False)
 
-    monkeypatch.setattr(tolerance, "_confirmed", differs)
+    monkeypatch.setattr(f"{SEARCH}._confirmed", differs)
     assert [row.physics_agrees for row in checked(delayed)] == [False] * 4
 
 
@@ -538,9 +543,9 @@ def test_a_longer_period_samples_the_law_with_its_surface() -> None:
     law = studied.laws[1]
     nominal = studied.conditions[0]
     limits = {nominal: studied.limits(law, nominal)}
-    trials = tolerance.Trials(law, "corrected", limits, studied.bench, draws=1)
-    (usual,) = trials.worst([tolerance.Trial(nominal, period.base)])
-    (longer,) = trials.worst([tolerance.Trial(nominal, period.base, 4e-3)])
+    trials = Trials(law, "corrected", limits, studied.bench, draws=1)
+    (usual,) = trials.worst([Trial(nominal, period.base)])
+    (longer,) = trials.worst([Trial(nominal, period.base, 4e-3)])
     assert usual.kept
     assert longer.kept
     assert usual.margin != longer.margin

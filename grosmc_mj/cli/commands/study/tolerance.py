@@ -12,7 +12,8 @@ from grosmc_mj.cli.commands.study.study_command import StudyCommand
 
 if TYPE_CHECKING:
     from grosmc_mj.output.results.result import Result
-    from grosmc_mj.studies.tolerance.tolerance import LawTolerances, ToleranceStudy
+    from grosmc_mj.studies.tolerance.row import LawTolerances
+    from grosmc_mj.studies.tolerance.tolerance import ToleranceStudy
 
 
 @command
