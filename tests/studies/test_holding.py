@@ -131,7 +131,8 @@ def test_the_gains_are_the_suprema_over_the_family() -> None:
         GB_t = (p.G @ B_t).item()
         worst = max(worst, float(np.linalg.norm(p.G @ added) / abs(GB_t)))
         ratios.append(GB_t / (p.G @ optimum.B).item())
-    assert 0.9 * p.gamma1 < worst <= p.gamma1
+    # The worst plant is a corner of the family: both are one number, rounded in different ways.
+    assert 0.9 * p.gamma1 < worst <= p.gamma1 * (1 + 1e-12)
     assert p.eta * min(ratios) == pytest.approx(holding.UNCERTAINTY.reaching_rate)
 
 

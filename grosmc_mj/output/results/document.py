@@ -31,7 +31,9 @@ def carried_out(program: str, arguments: Sequence[str]) -> None:
     ``--resume`` is left out: a resumed command gives the same result.
     """
     words = [word for word in arguments if word != "--resume"]
-    _COMMAND.set(shlex.join([program, *words]))
+    command = shlex.join([program, *words])
+    # A path may have bytes that are no UTF-8, and no document can have them.
+    _COMMAND.set(command.encode("utf-8", "backslashreplace").decode("utf-8"))
 
 
 def origin(seed: int | None, schema_version: int = SCHEMA_VERSION) -> dict[str, Any]:
