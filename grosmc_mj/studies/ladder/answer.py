@@ -31,7 +31,9 @@ from grosmc_mj.output.results.result import (
     result,
 )
 from grosmc_mj.output.results.tables import Table, names, number, numbers, table, text, words
-from grosmc_mj.studies.ladder.ladder import ENDED, Ladder, RungResult, run_of
+from grosmc_mj.studies.ladder.draws import run_of
+from grosmc_mj.studies.ladder.ladder import Ladder
+from grosmc_mj.studies.ladder.row import ENDED, RungResult
 from grosmc_mj.studies.matrix import (
     Cell,
     charts_by_condition,

@@ -31,9 +31,10 @@ from grosmc_mj.output.results.document import json_text
 from grosmc_mj.simulation.loop import Computing, Loop, Sensor
 from grosmc_mj.simulation.loop.sensors import quantized
 from grosmc_mj.studies import study as cells
-from grosmc_mj.studies.ladder import answer, pages
+from grosmc_mj.studies.ladder import answer, draws, pages
 from grosmc_mj.studies.ladder import ladder as study
-from grosmc_mj.studies.ladder.ladder import ENDED, RungResult, ladder, run_rung
+from grosmc_mj.studies.ladder.ladder import ladder, run_rung
+from grosmc_mj.studies.ladder.row import ENDED, RungResult
 from grosmc_mj.studies.ladder.rungs import Rung, rungs_of
 from grosmc_mj.studies.study import CellRunner, StudyCell
 
@@ -103,14 +104,14 @@ over_swings = pytest.mark.parametrize(
 
 @over_swings
 def test_a_swing_has_its_amplitude(error: Array, amplitude: float, frequency: float) -> None:
-    swing, _ = study.oscillation(TIME, error)
+    swing, _ = draws.oscillation(TIME, error)
     assert swing == pytest.approx(amplitude, rel=0.01)
 
 
 @over_swings
 def test_a_swing_has_its_frequency(error: Array, amplitude: float, frequency: float) -> None:
     """The end is 2 s long, in which a crossing more or less is a quarter of a hertz."""
-    _, cycle = study.oscillation(TIME, error)
+    _, cycle = draws.oscillation(TIME, error)
     assert cycle == pytest.approx(frequency, abs=0.25)
 
 
@@ -120,7 +121,7 @@ def test_a_swing_has_its_frequency(error: Array, amplitude: float, frequency: fl
     ids=["rests", "creeps half of the way in 2 s", "swings twice"],
 )
 def test_an_error_without_three_swings_has_no_cycle(error: Array, amplitude: float) -> None:
-    swing, cycle = study.oscillation(TIME, error)
+    swing, cycle = draws.oscillation(TIME, error)
     assert swing == pytest.approx(amplitude, rel=0.01)
     assert cycle is None
 

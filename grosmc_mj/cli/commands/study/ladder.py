@@ -13,7 +13,8 @@ from grosmc_mj.cli.commands.study.study_command import FilmedStudyCommand
 if TYPE_CHECKING:
     from grosmc_mj.output.films.film import Film
     from grosmc_mj.output.results.result import Result
-    from grosmc_mj.studies.ladder.ladder import Ladder, RungResult
+    from grosmc_mj.studies.ladder.ladder import Ladder
+    from grosmc_mj.studies.ladder.row import RungResult
 
 
 @command
