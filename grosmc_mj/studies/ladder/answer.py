@@ -1,22 +1,13 @@
-"""Answer of a ladder: words, tables, charts, document and film."""
+"""Answer of a ladder: words, tables, charts and document."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 from typing import Any
 
-import mujoco
-import numpy as np
-
-from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.experiments.file.schema import ClaimTable
-from grosmc_mj.experiments.films import film_of
 from grosmc_mj.experiments.measured import MEASURED
-from grosmc_mj.ground.errors import ArgumentError
-from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.output.films.film import MOST_TAKES, Film, Format
 from grosmc_mj.output.results.result import (
     KEPT,
     NOT_KEPT,
@@ -31,9 +22,8 @@ from grosmc_mj.output.results.result import (
     result,
 )
 from grosmc_mj.output.results.tables import Table, names, number, numbers, table, text, words
-from grosmc_mj.studies.ladder.draws import run_of
 from grosmc_mj.studies.ladder.ladder import Ladder
-from grosmc_mj.studies.ladder.row import ENDED, RungResult
+from grosmc_mj.studies.ladder.row import ENDED, RungResult, fallen, first_failed, ways
 from grosmc_mj.studies.matrix import (
     Cell,
     charts_by_condition,
@@ -42,7 +32,7 @@ from grosmc_mj.studies.matrix import (
     verdict_chart,
     verdict_table,
 )
-from grosmc_mj.studies.target import Condition, StudiedLaw
+from grosmc_mj.studies.target import Condition
 
 STANDS = "stands"
 LEGEND = (
@@ -50,41 +40,11 @@ LEGEND = (
     "never: it does not settle; 7 of 10: kept in so many draws; ?: an assumed number decides; "
     "-: there is no such law."
 )
-# Rungs that decide nothing of the model's: the book's misprints, and the real machine.
-_BESIDE = ("printed", MEASURED)
 CLAIMS = "Rung on which each claim fails"
 _TITLES = {
     True: "Rungs added one by one",
     False: "Each alone on the sampled plant",
 }
-
-
-def way(rows: Iterable[RungResult], law: str, condition: str) -> list[RungResult]:
-    """Return a law's rows rung by rung, from equations that are true to the complete machine."""
-    of_law = [row for row in rows if (row.law, row.condition) == (law, condition)]
-    return [row for row in of_law if row.together and row.rung not in _BESIDE]
-
-
-def ways(rows: Sequence[RungResult], condition: str) -> dict[str, list[RungResult]]:
-    """Return the way of each law that has begun to climb under a condition."""
-    climbs = {law: way(rows, law, condition) for law in dict.fromkeys(row.law for row in rows)}
-    return {law: rungs for law, rungs in climbs.items() if rungs}
-
-
-def first_failed(climbs: Sequence[RungResult]) -> RungResult | None:
-    """Return the first rung on which a requirement is not kept; None if all are kept."""
-    for row in climbs:
-        if not row.kept:
-            return row
-    return None
-
-
-def fallen(climbs: Sequence[RungResult], claim: str) -> RungResult | None:
-    """Return the first rung on which a claim is not kept; None if it is kept wherever judged."""
-    for row in climbs:
-        if row.claims.get(claim, 0.0) > 1:
-            return row
-    return None
 
 
 def verdict(studied: Ladder, rows: Sequence[RungResult], condition: str) -> str:
@@ -450,59 +410,3 @@ def _claim_document(studied: Ladder, claim: ClaimTable) -> dict[str, Any]:
         "under": claim.under,
         "of": list(claim.of or studied.machine.controllers),
     }
-
-
-def ladder_film(
-    studied: Ladder,
-    law: StudiedLaw,
-    rows: Sequence[RungResult],
-    form: Format | None = None,
-) -> Film:
-    """Return a film of a law on MuJoCo's ideal plant, where it breaks first, and at the top.
-
-    The rigid machine is drawn: motors behind their transmissions are not seen.
-
-    Args:
-        studied: The target.
-        law: One of its laws.
-        rows: Its rows.
-        form: Format of the film.
-
-    Raises:
-        ArgumentError: If no rung runs in MuJoCo.
-    """
-    condition = studied.conditions[0]
-    rungs = [rung for rung in studied.climbing if rung.plant == "physics"]
-    if not rungs:
-        raise ArgumentError("a film is of runs in MuJoCo: this target has none")
-
-    last = len(rungs) - 1
-    breaks_at = last
-    failed = first_failed(way(rows, law.name, condition.name))
-    for index, rung in enumerate(rungs):
-        if failed is not None and rung.name == failed.rung:
-            breaks_at = index
-
-    # The ideal plant, the rung before the law breaks, that rung, and the complete machine.
-    indices = sorted({0, max(breaks_at - 1, 0), breaks_at, last})
-    chosen = [rungs[index] for index in indices[:MOST_TAKES]]
-    results = [_rigid(run_of(law, rung, condition)) for rung in chosen]
-    return film_of(results, form, [rung.name for rung in chosen])
-
-
-def _rigid(run: RunResult) -> RunResult:
-    """The run without the states that the rigid plant does not have."""
-    plant = run.true
-    trajectory = run.trajectory
-    assert isinstance(plant, MujocoPlant)
-    assert trajectory.physics is not None
-
-    # Time, positions and velocities of the rigid joints, which come first.
-    n = plant.system.degrees_of_freedom
-    velocities = 1 + plant.undrawn_model.nq
-    columns = [0, *range(1, 1 + n), *range(velocities, velocities + n)]
-    rigid = plant.rigid
-    size = mujoco.mj_stateSize(rigid.undrawn_model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    assert len(columns) == size
-    physics = np.ascontiguousarray(trajectory.physics[:, columns])
-    return replace(run, true=rigid, trajectory=replace(trajectory, physics=physics))

@@ -1,4 +1,4 @@
-"""Draws of a law on a rung, run and judged: the recorded one, further ones, other assumed numbers."""
+"""Draws of a law on a rung, run and judged; the first one is recorded, some have other numbers."""
 
 from __future__ import annotations
 

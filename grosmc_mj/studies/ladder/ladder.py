@@ -227,9 +227,7 @@ def run_rung(
     try:
         run = run_of(law, rung, condition)
         measured_limits = [*limits, *chain.from_iterable(claims.values())]
-        further = further_draws(
-            law, rung, condition, measured_limits, studied.draws_of(rung)
-        )
+        further = further_draws(law, rung, condition, measured_limits, studied.draws_of(rung))
     except SetupError:
         raise
     except GrosmcError as error:
@@ -319,5 +317,3 @@ def _is_about(machine: Experiment, claim: ClaimTable, law: StudiedLaw) -> bool:
     bases = {controller.called: controller.law for controller in machine.file.controller}
     names = claim.of or machine.controllers
     return law.base in names or law.base in [bases.get(name, name) for name in names]
-
-

@@ -7,8 +7,8 @@ from typing import Any
 
 from grosmc_mj.output.results.result import ReportTable
 from grosmc_mj.output.results.tables import Table, markdown_table, words
-from grosmc_mj.studies.ladder.answer import CLAIMS, first_failed, way
-from grosmc_mj.studies.ladder.row import RungResult
+from grosmc_mj.studies.ladder.answer import CLAIMS
+from grosmc_mj.studies.ladder.row import RungResult, first_failed, way
 
 # Laws for people, by the names that they have in the ladders: of the adaptive gain where a rival
 # has its name, and elsewhere.

@@ -1,16 +1,20 @@
-"""Result of a law on a rung: a row of the ladder."""
+"""Result of a law on a rung, which is a row of the ladder, and the way of a law up its rungs."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from typing import Annotated
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, computed_field
 
+from grosmc_mj.experiments.measured import MEASURED
 from grosmc_mj.output.results.tables import number
 
 # Stands for the requirement that breaks first of a run that ended early.
 ENDED = "the run ended"
+# Rungs that decide nothing of the model's: the book's misprints, and the real machine.
+_BESIDE = ("printed", MEASURED)
 # A number that may be infinite, for which JSON has null.
 Unlimited = Annotated[float, BeforeValidator(lambda x: math.inf if x is None else x)]
 
@@ -116,3 +120,31 @@ class RungResult(BaseModel):
         if self.optimum_settles is not None:
             words += f" (the nominal optimum needs {number(self.optimum_settles)} s)"
         return words
+
+
+def way(rows: Iterable[RungResult], law: str, condition: str) -> list[RungResult]:
+    """Return a law's rows rung by rung, from equations that are true to the complete machine."""
+    of_law = [row for row in rows if (row.law, row.condition) == (law, condition)]
+    return [row for row in of_law if row.together and row.rung not in _BESIDE]
+
+
+def ways(rows: Sequence[RungResult], condition: str) -> dict[str, list[RungResult]]:
+    """Return the way of each law that has begun to climb under a condition."""
+    climbs = {law: way(rows, law, condition) for law in dict.fromkeys(row.law for row in rows)}
+    return {law: rungs for law, rungs in climbs.items() if rungs}
+
+
+def first_failed(climbs: Sequence[RungResult]) -> RungResult | None:
+    """Return the first rung on which a requirement is not kept; None if all are kept."""
+    for row in climbs:
+        if not row.kept:
+            return row
+    return None
+
+
+def fallen(climbs: Sequence[RungResult], claim: str) -> RungResult | None:
+    """Return the first rung on which a claim is not kept; None if it is kept wherever judged."""
+    for row in climbs:
+        if row.claims.get(claim, 0.0) > 1:
+            return row
+    return None

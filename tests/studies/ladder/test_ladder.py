@@ -34,7 +34,7 @@ from grosmc_mj.studies import study as cells
 from grosmc_mj.studies.ladder import answer, draws, pages
 from grosmc_mj.studies.ladder import ladder as study
 from grosmc_mj.studies.ladder.ladder import ladder, run_rung
-from grosmc_mj.studies.ladder.row import ENDED, RungResult
+from grosmc_mj.studies.ladder.row import ENDED, RungResult, fallen, first_failed
 from grosmc_mj.studies.ladder.rungs import Rung, rungs_of
 from grosmc_mj.studies.study import CellRunner, StudyCell
 
@@ -529,14 +529,14 @@ def servo_rung(name: str) -> RungResult:
 @pytest.mark.slow
 def test_lqr_climbs_a_servo_up_to_its_friction() -> None:
     rungs, friction_alone = servo_climb()
-    broken = answer.first_failed(rungs)
+    broken = first_failed(rungs)
     assert broken is not None
     assert broken.rung == "friction"
     assert broken.tightest == "settles_within"
     # The optimum's poles are -1 and -12 rad/s: 2 % of 1 rad after ln(50 * 12/11) = 4.0 s.
     assert broken.optimum_settles == pytest.approx(math.log(50 * 12 / 11), abs=0.06)
     # The chapter's 2 % of the step fall there, too, as they are about both laws.
-    assert answer.fallen(rungs, "servo-before-load") is broken
+    assert fallen(rungs, "servo-before-load") is broken
     # It needs no other imperfection for that, and stops where friction holds the rest of K e.
     assert not friction_alone.kept
     assert not any(step.kept for step in rungs[rungs.index(broken) :])

@@ -105,7 +105,7 @@ class LadderCommand(FilmedStudyCommand["Ladder", "RungResult"]):
     def film_of(self, study: Ladder, rows: Sequence[RungResult]) -> Film:
         """Return the film of the law around where it breaks."""
         from grosmc_mj.experiments.films import SMALL
-        from grosmc_mj.studies.ladder.answer import ladder_film
+        from grosmc_mj.studies.ladder.film import ladder_film
 
         (law,) = [law for law in study.laws if law.name == self.film]
         return ladder_film(study, law, rows, replace(SMALL, fps=8))
