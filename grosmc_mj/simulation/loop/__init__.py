@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from grosmc_mj.simulation.loop.actuators import Actuator
 from grosmc_mj.simulation.loop.applied import AppliedLoop, apply_loop
-from grosmc_mj.simulation.loop.delay import Computing
+from grosmc_mj.simulation.loop.computer import Computing
 from grosmc_mj.simulation.loop.estimators import Estimator
 from grosmc_mj.simulation.loop.loop import Loop
 from grosmc_mj.simulation.loop.sensors import Sensor

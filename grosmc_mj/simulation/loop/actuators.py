@@ -10,8 +10,7 @@ import numpy as np
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.compilation.jitable import jitable
 from grosmc_mj.ground.fields import Name, Range, checked
-from grosmc_mj.simulation.loop.ring import ring_row
-from grosmc_mj.simulation.loop.rows import row_dtype
+from grosmc_mj.simulation.loop.rows import ring_row, row_dtype
 from grosmc_mj.simulation.loop.sensors import quantized
 
 

@@ -14,7 +14,7 @@ from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.ground.fields import Flag, Range, checked_call
 from grosmc_mj.simulation.loop.design_model import design_model
 from grosmc_mj.simulation.loop.loop import LARGEST_SEED, Loop
-from grosmc_mj.simulation.loop.software_start import settle
+from grosmc_mj.simulation.loop.software import settle
 from grosmc_mj.simulation.loop.start import LoopRun, loop_at_start
 from grosmc_mj.simulation.loop.task import LoopTask
 from grosmc_mj.simulation.loop.timing import LONGEST, SHORTEST, ControlPeriod, steps_in, stride_of

@@ -14,8 +14,8 @@ from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, Mistakes, unknown_name
 from grosmc_mj.ground.fields import Items, Range, checked
 from grosmc_mj.simulation.loop.actuators import Actuator
+from grosmc_mj.simulation.loop.computer import Computing
 from grosmc_mj.simulation.loop.counter import uniform
-from grosmc_mj.simulation.loop.delay import Computing
 from grosmc_mj.simulation.loop.estimators import TUNED_BY, Estimator
 from grosmc_mj.simulation.loop.sensors import Sensor
 from grosmc_mj.simulation.loop.timing import MOST_STEPS, TIMES, steps_in, time_as_run

@@ -1,4 +1,4 @@
-"""Parts of a loop as rows of numbers, which compiled code reads by their names."""
+"""Rows of numbers: parts of a loop, which compiled code reads by names, and ring buffers of rows."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ import numba
 import numpy as np
 from numba import types
 
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.compilation.jitable import jitable
 from grosmc_mj.ground.fields import range_of
 from grosmc_mj.simulation.loop.timing import TIMES
 
@@ -65,3 +67,14 @@ def rows_of(
     for name, column in more.items():
         rows[name] = column
     return rows
+
+
+def ring(rows: int, columns: int) -> Array:
+    """Zeros in a power of two rows, more than ``rows``."""
+    return np.zeros((1 << rows.bit_length(), columns))
+
+
+@jitable
+def ring_row(number: int, ring: Any) -> int:
+    """Place of a row in a ring of a power of two rows, without a division, which is slow."""
+    return number & (ring.shape[0] - 1)

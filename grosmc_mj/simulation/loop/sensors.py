@@ -10,8 +10,7 @@ from grosmc_mj.ground.compilation.jitable import jitable
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.ground.fields import Flag, Name, Range, checked
 from grosmc_mj.simulation.loop.counter import normal
-from grosmc_mj.simulation.loop.ring import ring_row
-from grosmc_mj.simulation.loop.rows import row_dtype
+from grosmc_mj.simulation.loop.rows import ring_row, row_dtype
 
 # A float64 cannot tell whole multiples beyond this apart.
 _EXACT = 2.0**52

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from grosmc_mj.ground.compilation.jitable import jitable
-from grosmc_mj.simulation.loop.ring import ring_row
+from grosmc_mj.simulation.loop.rows import ring_row
 
 
 @jitable

@@ -6,11 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grosmc_mj.simulation.loop.software import Software
-from grosmc_mj.simulation.loop.software_start import ideal_software, software_at_start
+from grosmc_mj.simulation.loop.software import Software, ideal_software, software_at_start
 from grosmc_mj.simulation.loop.task import LoopTask
-from grosmc_mj.simulation.loop.world import Measured, World
-from grosmc_mj.simulation.loop.world_start import ideal_world, world_at_start
+from grosmc_mj.simulation.loop.world import Measured, World, ideal_world, world_at_start
 
 
 class LoopRun(NamedTuple):

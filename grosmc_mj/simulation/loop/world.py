@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from typing import Annotated, Any, NamedTuple
 
+import numpy as np
+
 from grosmc_mj.ground.compilation.jitable import jitable
 from grosmc_mj.ground.compilation.structures import Matrix, Vector
-from grosmc_mj.simulation.loop.actuators import ACTUATOR
-from grosmc_mj.simulation.loop.delay import COMPUTER
-from grosmc_mj.simulation.loop.ring import ring_row
-from grosmc_mj.simulation.loop.rows import row_objects, rows_type
+from grosmc_mj.simulation.loop.actuators import ACTUATOR, kept_in_a_timestep
+from grosmc_mj.simulation.loop.computer import COMPUTER
+from grosmc_mj.simulation.loop.rows import ring, ring_row, row_objects, rows_of, rows_type
 from grosmc_mj.simulation.loop.sensors import SENSOR, measure
+from grosmc_mj.simulation.loop.task import LoopTask
 
 
 class World(NamedTuple):
@@ -82,3 +84,54 @@ def sense(i: int, world: Any, measured: Any) -> int:
     measured.clock[0] = i
     measure(i, k, world, measured)
     return k
+
+
+def ideal_world(n: int, m: int) -> World:
+    """World's half of an ideal loop of n states and m inputs: it has no parts."""
+    return World(
+        computer=np.zeros(0, COMPUTER),
+        sensors=np.zeros(0, SENSOR),
+        actuators=np.zeros(0, ACTUATOR),
+        past=ring(0, n),
+        queue=ring(0, m),
+    )
+
+
+def world_at_start(task: LoopTask) -> World:
+    """World's half of a loop as a run begins."""
+    h = task.timestep
+    sensors = task.sensors
+    actuators = task.actuators
+    rest = task.rest
+
+    computing = task.loop.computing
+    computer = rows_of(
+        [computing],
+        COMPUTER,
+        h,
+        timestep=h,
+        stride=task.stride,
+        seed=task.loop.seed,
+        run=task.run,
+    )
+    actuator_rows = rows_of(
+        actuators,
+        ACTUATOR,
+        h,
+        rest=rest,
+        output=rest,
+        rated=rest,
+        first=rest,
+        second=rest,
+        kept=[kept_in_a_timestep(actuator, h) for actuator in actuators],
+    )
+
+    oldest = max(round(part.delay / h) + round(part.period / h) for part in sensors)
+    latest = round(computing.delay / h) + max(round(part.delay / h) for part in actuators)
+    return World(
+        computer=computer,
+        sensors=rows_of(sensors, SENSOR, h),
+        actuators=actuator_rows,
+        past=ring(oldest, len(sensors)),
+        queue=ring(latest, len(actuators)),
+    )
