@@ -13,9 +13,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 from grosmc_mj.chapter.claims.claim import WORDS, Choice, Claim, Kind, Measured, NoValueError
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.ground.arguments import require_known
+from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.theory.plants import SYSTEMS
 
 
@@ -183,3 +185,22 @@ def find_claim(name: str) -> Claim:
     claims = {claim.id: claim for claim in CLAIMS}
     require_known("claim", name, claims)
     return claims[name]
+
+
+def cited_claims(experiment: Experiment) -> dict[str, Claim]:
+    """Return the claims that an experiment's file names, by their ids.
+
+    Raises:
+        ArgumentError: If there is no claim of such an id.
+    """
+    cited = experiment.file.claim
+    if not cited:
+        return {}
+
+    # Imported late: the claims need many modules, and most files name no claim.
+    from grosmc_mj.chapter.claims.ledger import find_claim
+
+    try:
+        return {table.id: find_claim(table.id) for table in cited}
+    except ArgumentError as error:
+        raise ArgumentError(f"{experiment.path}: {error}") from None

@@ -16,9 +16,9 @@ from grosmc_mj.chapter.claims.claim import (
     sentences_of,
     verdicts_of,
 )
+from grosmc_mj.chapter.claims.formulas import in_text
 from grosmc_mj.chapter.claims.sweep import stored_flips
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.output.results.formulas import in_text
 from grosmc_mj.output.results.tables import Column, Table, numbers, table, text, verdicts, words
 
 LEGEND = (

@@ -239,7 +239,7 @@ def _check(experiment: Experiment) -> None:
     They are unknown claims, wrong [[uncertain]] tables, as a campaign would refuse them, and
     requirements none of which can be judged: nothing would be kept or failed.
     """
-    from grosmc_mj.chapter.claims.cited import cited_claims
+    from grosmc_mj.chapter.claims.ledger import cited_claims
 
     cited_claims(experiment)
     if experiment.file.uncertain:

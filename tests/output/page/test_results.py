@@ -14,6 +14,7 @@ from matplotlib.colors import rgb_to_hsv, to_rgb
 from matplotlib.figure import Figure
 from rich.console import Console
 
+from grosmc_mj.chapter.claims.formulas import in_text
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import SetupError
 from grosmc_mj.output.page.charts import chart_figure
@@ -22,7 +23,6 @@ from grosmc_mj.output.results.charts import write_cells, write_panels
 from grosmc_mj.output.results.document import json_text, write_json
 from grosmc_mj.output.results.envelope import jumps
 from grosmc_mj.output.results.figure import draw_legend_below, figure_written
-from grosmc_mj.output.results.formulas import in_text
 from grosmc_mj.output.results.palette import CELLS as CELL_COLOURS
 from grosmc_mj.output.results.palette import FAILED, KEPT, LABELS, label_of
 from grosmc_mj.output.results.result import CellChart, LineChart, Series

@@ -20,7 +20,7 @@ from commands import assert_one_line, run
 
 import grosmc_mj
 from grosmc_mj import cli
-from grosmc_mj.chapter.claims.cited import cited_claims
+from grosmc_mj.chapter.claims.ledger import cited_claims
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.ground.arrays import Array

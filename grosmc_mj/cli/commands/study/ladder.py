@@ -56,7 +56,7 @@ class LadderCommand(FilmedStudyCommand["Ladder", "RungResult"]):
 
     def study(self) -> Ladder:
         """Return the ladder of the target, with the sentences of the claims that its file cites."""
-        from grosmc_mj.chapter.claims.cited import cited_claims
+        from grosmc_mj.chapter.claims.ledger import cited_claims
         from grosmc_mj.ground.arguments import require_known
         from grosmc_mj.studies.ladder.ladder import ladder
         from grosmc_mj.studies.sweep.draws import require_draws
