@@ -376,7 +376,7 @@ def test_a_number_that_was_held_stays_as_uncertain_as_declared(found: Fit, tmp_p
         found,
         fitted=np.array([True, False, True]),
         values=np.where([True, False, True], found.values, found.parameters.nominal),
-        covariance=found.covariance[np.ix_(shown, shown)],
+        covariance=found.covariance[shown][:, shown],
         half=found.half[shown],
     )
     path = tmp_path / "identified.toml"

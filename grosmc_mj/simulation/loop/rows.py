@@ -1,4 +1,4 @@
-"""Rows of numbers: parts of a loop, which compiled code reads by names, and ring buffers of rows."""
+"""Rows of numbers: parts of a loop, which compiled code reads by names, and ring buffers."""
 
 from __future__ import annotations
 
