@@ -9,7 +9,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from grosmc_mj.export.c_text import LIBRARY, suffix_of
+from grosmc_mj.export.c_names import LIBRARY
+from grosmc_mj.export.c_text import suffix_of
 from grosmc_mj.export.syntax import NoCError
 from grosmc_mj.export.values import (
     AND,

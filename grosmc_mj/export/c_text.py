@@ -1,72 +1,18 @@
-"""Words of C: names, numbers, comments and functions."""
+"""Text of C: numbers, comments and lines, and the removal of lines that nothing needs."""
 
 from __future__ import annotations
 
 import math
 import re
 import textwrap
-from typing import Any
-
-import numpy as np
-
-from grosmc_mj.export.reserved import is_function, is_taken
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 WIDTH = 100
 INDENT = "    "
-# Pointer to what the law remembers.
-MEMORY = "memory"
-
-# Names in C of functions of math, numpy and Python; those with an underscore at their end are in
-# ``templates/helpers.c``.
-_SAME_NAME = re.findall(
-    r"\w+",
-    "sqrt sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp expm1 log log1p "
-    "log10 log2 fmod copysign fabs isfinite isnan isinf",
-)
-_OTHER_NAME = {
-    "pow": "pow_",
-    "arcsin": "asin",
-    "arccos": "acos",
-    "arctan": "atan",
-    "arctan2": "atan2",
-    "absolute": "fabs",
-    "sign": "sign_",
-}
-LIBRARY: dict[Any, str] = {abs: "fabs"}
-for _module in (math, np):
-    for _name, _in_c in {**{name: name for name in _SAME_NAME}, **_OTHER_NAME}.items():
-        if hasattr(_module, _name):
-            LIBRARY[getattr(_module, _name)] = _in_c
-
-# A variable would hide a function that is called.
-_CALLED = {*LIBRARY.values(), "floor", "ceil"}
-_CALLED |= {f"{name}f" for name in _CALLED}
-
-
-def c_name(name: str) -> str:
-    """Return a name of Python's as a name of C's; different ones stay different.
-
-    A name that C or this package takes gets ``_v`` at its end, and one that ends so another one.
-    """
-    letters = [letter if letter.isascii() else f"u{ord(letter):x}" for letter in name]
-    ascii_name = "".join(letters)
-    taken = is_taken(ascii_name) or ascii_name in _CALLED
-    return f"{ascii_name}_v" if taken or ascii_name != name else ascii_name
-
-
-def c_function_name(name: str) -> str:
-    """Return the name of a function of Python's as the name of one in C."""
-    stripped = name.strip("_") if name != "<lambda>" else "value"
-    if not stripped or stripped[0].isdigit():
-        stripped = f"function_{stripped}".strip("_")
-    return f"{stripped}_v" if is_function(stripped) else c_name(stripped)
-
-
-def c_prefix(text: str) -> str:
-    """Return a text as the begin of names in C, and of files."""
-    letters = [letter if letter.isascii() and letter.isalnum() else "_" for letter in text]
-    prefix = "".join(letters)
-    return prefix if prefix[:1].isalpha() else f"law_{prefix.lstrip('_')}"
+_WORD = re.compile(r"\w+")
+# A function that is called.
+_CALLED = re.compile(r"\b(\w+)\(")
 
 
 def suffix_of(real: str) -> str:
@@ -115,3 +61,58 @@ def mentions(text: str, name: str) -> bool:
 def calls(text: str, name: str) -> bool:
     """Whether a text of C calls a function."""
     return re.search(rf"\b{re.escape(name)}\(", text) is not None
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of a C function.
+
+    Attributes:
+        depth: Depth of its block.
+        text: The line.
+        defines: Name of the variable that it gives a value, if it does nothing else.
+        effect: The part of it that is needed even if nothing reads the variable.
+    """
+
+    depth: int
+    text: str
+    defines: str = ""
+    effect: str = ""
+
+    def written(self) -> list[str]:
+        """Return it with its indentation, in several lines if it is long."""
+        return wrapped(self.text, len(INDENT) * (self.depth + 1))
+
+
+def without_unused(lines: Sequence[Line]) -> list[Line]:
+    """Return the lines without variables that nothing reads.
+
+    A function that is specialised for its arguments may leave an argument unused; compilers warn
+    of what was computed for it.
+    """
+    kept = list(lines)
+    while True:
+        unused = {line.defines for line in kept} - {""}
+        for line in kept:
+            unused -= set(_WORD.findall(line.text)) - {line.defines}
+        if not unused:
+            return kept
+
+        needed: list[Line] = []
+        for line in kept:
+            if line.defines not in unused:
+                needed.append(line)
+            elif line.effect:
+                needed.append(Line(line.depth, line.effect))
+        kept = needed
+
+
+def without_hidden_functions(lines: Sequence[Line]) -> list[Line]:
+    """Return the lines with other names for variables that would hide a function they call."""
+    text = "\n".join(line.text for line in lines)
+    renamed = list(lines)
+    called = set(_CALLED.findall(text))
+    for name in {line.defines for line in lines} & called:
+        variable = re.compile(rf"\b{name}\b(?!\()")
+        renamed = [replace(line, text=variable.sub(f"{name}_v", line.text)) for line in renamed]
+    return renamed

@@ -25,7 +25,7 @@ from grosmc_mj.export.arithmetic import (
     negative,
     operation_in_c,
 )
-from grosmc_mj.export.lines import Line
+from grosmc_mj.export.c_text import Line
 from grosmc_mj.export.program import Program
 from grosmc_mj.export.syntax import NoCError, body_of, nodes_of, refusal
 from grosmc_mj.export.values import Array, Number, Record, is_known, items, number_in_c

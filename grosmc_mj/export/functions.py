@@ -13,8 +13,15 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.export.arithmetic import is_known_call, known_result, library_call
-from grosmc_mj.export.c_text import LIBRARY, MEMORY, c_name, comment, mentions, wrapped
-from grosmc_mj.export.lines import Line, without_hidden_functions, without_unused
+from grosmc_mj.export.c_names import LIBRARY, MEMORY, c_name
+from grosmc_mj.export.c_text import (
+    Line,
+    comment,
+    mentions,
+    without_hidden_functions,
+    without_unused,
+    wrapped,
+)
 from grosmc_mj.export.program import Function, Program
 from grosmc_mj.export.statements import Statements
 from grosmc_mj.export.syntax import ExportError, NoCError, where, whole_expressions

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from grosmc_mj.export.c_text import MEMORY, c_function_name, calls, literal
+from grosmc_mj.export.c_names import MEMORY, c_function_name
+from grosmc_mj.export.c_text import calls, literal
 from grosmc_mj.export.syntax import NoCError
 from grosmc_mj.export.values import Array, Number
 from grosmc_mj.ground.compilation.jitable import compiled_source

@@ -8,7 +8,8 @@ from types import FunctionType
 from typing import Any
 
 from grosmc_mj.export.arithmetic import OPERATORS, known_result, truth
-from grosmc_mj.export.c_text import c_name, mentions
+from grosmc_mj.export.c_names import c_name
+from grosmc_mj.export.c_text import mentions
 from grosmc_mj.export.expressions import Expressions
 from grosmc_mj.export.program import Program
 from grosmc_mj.export.syntax import NoCError

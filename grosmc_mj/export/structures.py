@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from grosmc_mj.export.c_text import INDENT, c_name, comment, literal, wrapped
+from grosmc_mj.export.c_names import c_name
+from grosmc_mj.export.c_text import INDENT, comment, literal, wrapped
 
 # A field and its text in the part "Attributes" of a docstring.
 _ATTRIBUTE = re.compile(r"^    (\w+): ((?:.*\n?)(?:^ {8}.*\n?)*)", re.MULTILINE)

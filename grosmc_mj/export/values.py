@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from grosmc_mj.export.c_text import c_name, literal
+from grosmc_mj.export.c_names import c_name
+from grosmc_mj.export.c_text import literal
 from grosmc_mj.export.syntax import NoCError
 
 # How tightly operators of C bind.

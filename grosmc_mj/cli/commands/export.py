@@ -99,7 +99,7 @@ class ExportCommand(Command):
         import numpy as np
 
         from grosmc_mj.experiments.file.user_code import blamed
-        from grosmc_mj.export.c_text import c_prefix
+        from grosmc_mj.export.c_names import c_prefix
         from grosmc_mj.export.law import LawInC
         from grosmc_mj.simulation.law_inputs import require_answer
 

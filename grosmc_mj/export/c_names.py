@@ -1,8 +1,12 @@
-"""Names that C, its library and the exported files take: names of Python's are others in C."""
+"""Names in C for names of Python: functions of the library, and another name where C takes it."""
 
 from __future__ import annotations
 
+import math
 import re
+from typing import Any
+
+import numpy as np
 
 # Words of C and of C++, which reads the header too.
 _WORDS = """
@@ -49,13 +53,68 @@ _FUNCTIONS = set(_OF_LIBRARY.split())
 for _name in _OF_MATH.split():
     _FUNCTIONS.update((_name, f"{_name}f", f"{_name}l"))
 
+# Pointer to what the law remembers.
+MEMORY = "memory"
 
-def is_taken(name: str) -> bool:
+# Names in C of functions of math, numpy and Python; those with an underscore at their end are in
+# ``templates/helpers.c``.
+_SAME_NAME = re.findall(
+    r"\w+",
+    "sqrt sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp expm1 log log1p "
+    "log10 log2 fmod copysign fabs isfinite isnan isinf",
+)
+_OTHER_NAME = {
+    "pow": "pow_",
+    "arcsin": "asin",
+    "arccos": "acos",
+    "arctan": "atan",
+    "arctan2": "atan2",
+    "absolute": "fabs",
+    "sign": "sign_",
+}
+LIBRARY: dict[Any, str] = {abs: "fabs"}
+for _module in (math, np):
+    for _name, _in_c in {**{name: name for name in _SAME_NAME}, **_OTHER_NAME}.items():
+        if hasattr(_module, _name):
+            LIBRARY[getattr(_module, _name)] = _in_c
+
+# A variable would hide a function that is called.
+_CALLED = {*LIBRARY.values(), "floor", "ceil"}
+_CALLED |= {f"{name}f" for name in _CALLED}
+
+
+def c_name(name: str) -> str:
+    """Return a name of Python's as a name of C's; different ones stay different.
+
+    A name that C or this package takes gets ``_v`` at its end, and one that ends so another one.
+    """
+    letters = [letter if letter.isascii() else f"u{ord(letter):x}" for letter in name]
+    ascii_name = "".join(letters)
+    taken = _is_taken(ascii_name) or ascii_name in _CALLED
+    return f"{ascii_name}_v" if taken or ascii_name != name else ascii_name
+
+
+def c_function_name(name: str) -> str:
+    """Return the name of a function of Python's as the name of one in C."""
+    stripped = name.strip("_") if name != "<lambda>" else "value"
+    if not stripped or stripped[0].isdigit():
+        stripped = f"function_{stripped}".strip("_")
+    return f"{stripped}_v" if _is_function(stripped) else c_name(stripped)
+
+
+def c_prefix(text: str) -> str:
+    """Return a text as the begin of names in C, and of files."""
+    letters = [letter if letter.isascii() and letter.isalnum() else "_" for letter in text]
+    prefix = "".join(letters)
+    return prefix if prefix[:1].isalpha() else f"law_{prefix.lstrip('_')}"
+
+
+def _is_taken(name: str) -> bool:
     """Whether nothing can have a name in C."""
     patterns = (_MACRO, _MADE)
     return name in _NAMES or any(pattern.fullmatch(name) for pattern in patterns)
 
 
-def is_function(name: str) -> bool:
+def _is_function(name: str) -> bool:
     """Whether a name is that of a function of the C library, or of ``main``."""
     return name in _FUNCTIONS
