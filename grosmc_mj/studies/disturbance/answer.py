@@ -37,13 +37,8 @@ from grosmc_mj.output.results.result import (
 from grosmc_mj.output.results.tables import Table, names, numbers, table, words
 from grosmc_mj.simulation.disturbances import AnyDisturbance
 from grosmc_mj.studies.disturbance.bounded import BoundedDisturbance
-from grosmc_mj.studies.disturbance.disturbance import (
-    AGREES,
-    ENDED,
-    DisturbanceStudy,
-    WorstDisturbance,
-    watched,
-)
+from grosmc_mj.studies.disturbance.disturbance import AGREES, DisturbanceStudy, watched
+from grosmc_mj.studies.disturbance.row import ENDED, WorstDisturbance
 from grosmc_mj.studies.sweep.quantities import written
 from grosmc_mj.studies.sweep.runs import Row, recorded_runs
 

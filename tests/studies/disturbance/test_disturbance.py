@@ -19,11 +19,8 @@ from grosmc_mj.studies.disturbance.answer import (
     disturbance_result,
     words_of,
 )
-from grosmc_mj.studies.disturbance.disturbance import (
-    DisturbanceStudy,
-    WorstDisturbance,
-    disturbance_study,
-)
+from grosmc_mj.studies.disturbance.disturbance import DisturbanceStudy, disturbance_study
+from grosmc_mj.studies.disturbance.row import WorstDisturbance
 from grosmc_mj.studies.disturbance.signal_search import SignalSearch
 
 # L = 25/(s^3 + 10 s^2 + 10 s + 10) under unit feedback, and a disturbance of its input.

@@ -15,7 +15,8 @@ from grosmc_mj.cli.commands.study.study_command import FilmedStudyCommand
 if TYPE_CHECKING:
     from grosmc_mj.output.films.film import Film
     from grosmc_mj.output.results.result import Result
-    from grosmc_mj.studies.disturbance.disturbance import DisturbanceStudy, WorstDisturbance
+    from grosmc_mj.studies.disturbance.disturbance import DisturbanceStudy
+    from grosmc_mj.studies.disturbance.row import WorstDisturbance
 
 _Text = Annotated[str, Parameter(metavar="TEXT", show_default="none")]
 
