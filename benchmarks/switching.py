@@ -20,7 +20,7 @@ import numpy as np
 from grosmc_mj.cli import screen
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.output.results.charts import write_panels
+from grosmc_mj.output.charts.charts import write_panels
 from grosmc_mj.output.results.result import LineChart, Series, finite
 from grosmc_mj.output.results.tables import Table, number, numbers, table, words
 from grosmc_mj.theory.control.switching import SWITCHINGS, Switching, find_switching

@@ -5,7 +5,7 @@ from __future__ import annotations
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
-from grosmc_mj.output.results import palette
+from grosmc_mj.output import palette
 
 
 def style() -> str:

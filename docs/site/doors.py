@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from html import escape
 from pathlib import Path
 
-from grosmc_mj.output.results import palette
+from grosmc_mj.output import palette
 from grosmc_mj.output.results.markdown import replace_marked
 
 ROOT = Path(__file__).resolve().parents[2]

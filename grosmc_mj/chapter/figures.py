@@ -18,8 +18,8 @@ from grosmc_mj.experiments.answer.curves import draw_panel, panel_of
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.output.results.figure import TITLE_SIZE, draw_legend_below, figure_written
-from grosmc_mj.output.results.palette import OPTIMUM, PLANTS, REFERENCE, law_styles
+from grosmc_mj.output.charts.figure import TITLE_SIZE, draw_legend_below, figure_written
+from grosmc_mj.output.palette import OPTIMUM, PLANTS, REFERENCE, law_styles
 
 _SIZE = (7.2, 6.4)
 _TIP = "tip path"

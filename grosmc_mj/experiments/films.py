@@ -22,8 +22,8 @@ from grosmc_mj.output.films.frames import Storyboard
 from grosmc_mj.output.films.frames import __file__ as drawing_code
 from grosmc_mj.output.films.storyboard import storyboard
 from grosmc_mj.output.films.write import Written, write_film
+from grosmc_mj.output.palette import law_styles
 from grosmc_mj.output.results.document import origin, write_json
-from grosmc_mj.output.results.palette import law_styles
 from grosmc_mj.simulation.trajectory import Status
 from grosmc_mj.theory.control.coordinates.state import StateCoordinates
 from grosmc_mj.theory.control.coordinates.symbolic import ErrorCoordinates

@@ -11,7 +11,7 @@ from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.identify.starts import fitted_starts
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.output.films.film import Film, Take
-from grosmc_mj.output.results.palette import BLUE
+from grosmc_mj.output.palette import BLUE
 from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.theory.plants import Plant
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.identify.predict import Prediction, Quantity, Question, deciding
-from grosmc_mj.output.results.figure import figure_written
-from grosmc_mj.output.results.palette import BLACK, BLUE
+from grosmc_mj.output.charts.figure import figure_written
+from grosmc_mj.output.palette import BLACK, BLUE
 from grosmc_mj.output.results.result import (
     KEPT,
     NOT_KEPT,

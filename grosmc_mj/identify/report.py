@@ -11,8 +11,8 @@ from grosmc_mj.ground.arrays import Array
 from grosmc_mj.identify.compare import PredictionError
 from grosmc_mj.identify.fit import Fit
 from grosmc_mj.identify.quality import Quality
-from grosmc_mj.output.results.figure import figure_written
-from grosmc_mj.output.results.palette import BLUE, VERMILION
+from grosmc_mj.output.charts.figure import figure_written
+from grosmc_mj.output.palette import BLUE, VERMILION
 from grosmc_mj.output.results.result import (
     MEASURED,
     OPEN,

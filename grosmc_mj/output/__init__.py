@@ -1,8 +1,8 @@
-"""Form of answers, whatever they say: ``results``, ``films``, one HTML ``page``, a ``viewer``.
+"""Form of answers, whatever they say: ``results``, ``charts``, ``films``, a ``page``, a ``viewer``.
 
-``results`` has tables, charts and typed documents, ``page`` shows documents offline, ``films``
-draws recorded runs, ``viewer`` a running loop. It offers films and the style of figures. It imports
-simulation and below: it knows no case and no verdict.
+``results`` has tables and typed documents, ``charts`` draws them, ``page`` shows them offline,
+``films`` draws recorded runs, ``viewer`` a running loop. It offers films. It imports simulation and
+below: it knows no case and no verdict.
 """
 
 import lazy_loader

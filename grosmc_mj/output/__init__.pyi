@@ -1,3 +1,3 @@
-from . import films, results
+from . import films
 
-__all__ = ["films", "results"]
+__all__ = ["films"]

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from grosmc_mj.output.results.charts import write_cells
-from grosmc_mj.output.results.figure import in_lines
+from grosmc_mj.output.charts.charts import write_cells
+from grosmc_mj.output.charts.figure import in_lines
 from grosmc_mj.output.results.result import CellChart
 from grosmc_mj.output.results.tables import Table, numbers, table, words
 from grosmc_mj.studies.target import Condition, StudiedLaw

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from grosmc_mj.chapter.claims.claim import Finding, Measured
 from grosmc_mj.chapter.figures import claim_runs, draw_quantity
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.output.results.figure import TITLE_SIZE, draw_legend_below, figure_written
-from grosmc_mj.output.results.palette import FAILED, KEPT, OPTIMUM, VERDICT_COLOURS
+from grosmc_mj.output.charts.figure import TITLE_SIZE, draw_legend_below, figure_written
+from grosmc_mj.output.palette import FAILED, KEPT, OPTIMUM, VERDICT_COLOURS
 
 # Beyond this ratio of the largest to the smallest value the axis is logarithmic.
 _WIDE = 30.0

@@ -207,7 +207,7 @@ class RunCommand(Command):
         if not self.figures or not answer.complete:
             return ()
 
-        from grosmc_mj.output.results.figure import figure_written
+        from grosmc_mj.output.charts.figure import figure_written
 
         figure_path = path.with_suffix(".png")
         with figure_written(figure_path, figure_size(results)) as figure:

@@ -20,9 +20,8 @@ from grosmc_mj.experiments.requirements.judging import Judgement
 from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError
-from grosmc_mj.output.results.document import origin, write_json
-from grosmc_mj.output.results.envelope import envelope, jumps
-from grosmc_mj.output.results.palette import (
+from grosmc_mj.output.charts.envelope import envelope, jumps
+from grosmc_mj.output.palette import (
     BLACK,
     FAILED,
     LINES,
@@ -33,6 +32,7 @@ from grosmc_mj.output.results.palette import (
     label_of,
     law_styles,
 )
+from grosmc_mj.output.results.document import origin, write_json
 from grosmc_mj.output.results.tables import prefixed
 from grosmc_mj.simulation.trajectory import Status
 
@@ -408,7 +408,7 @@ def draw_experiment(figure: Figure, results: Sequence[RunResult]) -> None:
     one stand those that no panel shows, such as a cost.
     """
     # Imported here: the document of curves needs no matplotlib.
-    from grosmc_mj.output.results.figure import TITLE_SIZE, draw_legend_below
+    from grosmc_mj.output.charts.figure import TITLE_SIZE, draw_legend_below
 
     panels = panels_of(results)
     columns, rows = _grid(len(panels), results)
@@ -567,7 +567,7 @@ def _name_failures(axes: Axes, failed: Sequence[Judgement]) -> None:
 
 def shade_disturbances(axes: Axes, case: Experiment) -> None:
     """Shade the time in which each disturbance of a case acts, on axes of the case's duration."""
-    from grosmc_mj.output.results.figure import shade
+    from grosmc_mj.output.charts.figure import shade
 
     for disturbance in case.disturbances:
         start, stop = disturbance.window

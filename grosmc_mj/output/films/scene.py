@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.output.results.palette import DISTURBANCE, OPTIMUM, red_green_blue
+from grosmc_mj.output.palette import DISTURBANCE, OPTIMUM, red_green_blue
 
 # Id of MuJoCo's own camera, which shows the whole model from above.
 FREE_CAMERA = -1

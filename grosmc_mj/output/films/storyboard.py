@@ -19,12 +19,12 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from grosmc_mj.ground.arrays import Array
+from grosmc_mj.output.charts.envelope import jumps
+from grosmc_mj.output.charts.figure import DEFAULTS, shade
 from grosmc_mj.output.films.film import Film, Take
 from grosmc_mj.output.films.frames import CLOCK, OVERSAMPLING, Box, Chart, Scene, Stage, Storyboard
 from grosmc_mj.output.films.scene import place, surroundings_of
-from grosmc_mj.output.results.envelope import jumps
-from grosmc_mj.output.results.figure import DEFAULTS, shade
-from grosmc_mj.output.results.palette import DISTURBANCE, GRID, OPTIMUM
+from grosmc_mj.output.palette import DISTURBANCE, GRID, OPTIMUM
 from grosmc_mj.theory.plants.system import Signal
 
 # About this many poses decide the place of the camera.

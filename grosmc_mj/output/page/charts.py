@@ -6,7 +6,7 @@ import html
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
-from grosmc_mj.output.results.palette import (
+from grosmc_mj.output.palette import (
     BLUE,
     CELLS,
     COLOURS,

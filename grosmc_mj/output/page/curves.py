@@ -14,7 +14,7 @@ import numpy as np
 from grosmc_mj.output.page.charts import INK, Entry, Figure, Item, axis_of, figure_of, plain_text
 from grosmc_mj.output.page.reading import Curve, CurvePanel, Curves, Line, Window
 from grosmc_mj.output.page.verdicts import main_plant
-from grosmc_mj.output.results.palette import GREEN, PLANTS, label_of
+from grosmc_mj.output.palette import GREEN, PLANTS, label_of
 from grosmc_mj.output.results.tables import number
 
 # Curves that are nowhere further apart than this share of their range are one line.

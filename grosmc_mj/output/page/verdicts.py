@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from grosmc_mj.output.page.reading import CurvePanel, Curves, Document
-from grosmc_mj.output.results.palette import label_of
+from grosmc_mj.output.palette import label_of
 from grosmc_mj.output.results.result import VERDICTS, Answer, Result, StudyVerdict
 from grosmc_mj.output.results.tables import Column, Table, number, phrases, table, verdicts
 

@@ -31,8 +31,8 @@ from grosmc_mj.output.page.verdicts import (
     studies_table,
     systems_table,
 )
+from grosmc_mj.output.palette import FAILED, KEPT, VERDICT_COLOURS
 from grosmc_mj.output.results.document import plain
-from grosmc_mj.output.results.palette import FAILED, KEPT, VERDICT_COLOURS
 from grosmc_mj.output.results.result import Answer, Result
 
 # Largest number of letters of a configuration; the page cuts a longer one off.

@@ -1,1 +1,1 @@
-"""Form of results: tables, figures and their style, colours, JSON documents."""
+"""Form of results: tables, JSON documents, texts of pages in Markdown."""

@@ -12,7 +12,7 @@ from rich.cells import cell_len
 from rich.markup import escape
 from rich.table import Table as RichTable
 
-from grosmc_mj.output.results.palette import VERDICT_COLOURS
+from grosmc_mj.output.palette import VERDICT_COLOURS
 
 # Columns of the terminal that a table with text to wrap takes, and a legend.
 WIDTH = 100

@@ -11,7 +11,7 @@ import numpy as np
 from scipy import stats
 
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.output.results.palette import label_of
+from grosmc_mj.output.palette import label_of
 from grosmc_mj.output.results.tables import Table, numbers, table, text, words
 from grosmc_mj.studies.sweep.sampled import SampledRuns, p_value_words
 

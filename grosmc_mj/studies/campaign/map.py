@@ -12,9 +12,9 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.output.results.charts import write_panels
-from grosmc_mj.output.results.figure import figure_written, in_lines
-from grosmc_mj.output.results.palette import BLACK, SKY, VERMILION, law_styles
+from grosmc_mj.output.charts.charts import write_panels
+from grosmc_mj.output.charts.figure import figure_written, in_lines
+from grosmc_mj.output.palette import BLACK, SKY, VERMILION, law_styles
 from grosmc_mj.studies.campaign.campaign import Campaign
 from grosmc_mj.studies.campaign.findings import Findings
 from grosmc_mj.studies.campaign.radius import Radius, chart

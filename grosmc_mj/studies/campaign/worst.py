@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.output.results.palette import label_of
+from grosmc_mj.output.palette import label_of
 from grosmc_mj.output.results.result import (
     MEASURED,
     NOT_KEPT,

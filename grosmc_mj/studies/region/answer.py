@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from grosmc_mj.experiments.case_document import case_document
-from grosmc_mj.output.results.charts import write_panels
-from grosmc_mj.output.results.figure import in_lines
-from grosmc_mj.output.results.palette import label_of
+from grosmc_mj.output.charts.charts import write_panels
+from grosmc_mj.output.charts.figure import in_lines
+from grosmc_mj.output.palette import label_of
 from grosmc_mj.output.results.result import (
     MEASURED,
     OPEN,

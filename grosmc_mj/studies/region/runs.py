@@ -17,7 +17,7 @@ from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.compilation.jitable import jitable
 from grosmc_mj.ground.errors import ArgumentError
-from grosmc_mj.output.results.palette import BLACK, BLUE, ORANGE, PURPLE, SKY, YELLOW
+from grosmc_mj.output.palette import BLACK, BLUE, ORANGE, PURPLE, SKY, YELLOW
 from grosmc_mj.studies.sweep.draws import drawn_case
 from grosmc_mj.studies.sweep.runs import Outcomes, Row, run_rows
 from grosmc_mj.theory.control.controller import Controller

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from scipy import stats
 
-from grosmc_mj.output.results.palette import label_of
+from grosmc_mj.output.palette import label_of
 from grosmc_mj.output.results.tables import Table, names, number, numbers, phrases, table
 from grosmc_mj.studies.sweep.margin_summary import MarginSummary
 from grosmc_mj.studies.sweep.sampled import SampledRuns

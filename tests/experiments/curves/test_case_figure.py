@@ -24,8 +24,8 @@ from grosmc_mj.experiments.answer.curves import (
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.requirements.magnitudes import StaysWithin
 from grosmc_mj.ground.errors import ArgumentError
-from grosmc_mj.output.results.envelope import envelope
-from grosmc_mj.output.results.palette import FAILED
+from grosmc_mj.output.charts.envelope import envelope
+from grosmc_mj.output.palette import FAILED
 from grosmc_mj.simulation.trajectory import Status
 
 CART = short_run("cart_pendulum", '"pole angle" = "-10 deg"', "1 s")

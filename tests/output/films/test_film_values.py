@@ -23,6 +23,7 @@ from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.mechanics.robots.robot import Robot
+from grosmc_mj.output import palette
 from grosmc_mj.output.films import frames
 from grosmc_mj.output.films.film import Film, Format, Take
 from grosmc_mj.output.films.frames import Storyboard
@@ -37,7 +38,6 @@ from grosmc_mj.output.films.scene import (
     surroundings_of,
 )
 from grosmc_mj.output.films.storyboard import film_model, inputs, outputs, storyboard, surfaces
-from grosmc_mj.output.results import palette
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 from grosmc_mj.theory.plants import SERVO, SYSTEMS

@@ -17,14 +17,14 @@ from rich.console import Console
 from grosmc_mj.chapter.claims.formulas import in_text
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import SetupError
+from grosmc_mj.output.charts.charts import write_cells, write_panels
+from grosmc_mj.output.charts.envelope import jumps
+from grosmc_mj.output.charts.figure import draw_legend_below, figure_written
 from grosmc_mj.output.page.charts import chart_figure
+from grosmc_mj.output.palette import CELLS as CELL_COLOURS
+from grosmc_mj.output.palette import FAILED, KEPT, LABELS, label_of
 from grosmc_mj.output.results import tables
-from grosmc_mj.output.results.charts import write_cells, write_panels
 from grosmc_mj.output.results.document import json_text, write_json
-from grosmc_mj.output.results.envelope import jumps
-from grosmc_mj.output.results.figure import draw_legend_below, figure_written
-from grosmc_mj.output.results.palette import CELLS as CELL_COLOURS
-from grosmc_mj.output.results.palette import FAILED, KEPT, LABELS, label_of
 from grosmc_mj.output.results.result import CellChart, LineChart, Series
 from grosmc_mj.output.results.tables import names, numbers, prefixed, table, text, words
 
@@ -258,7 +258,7 @@ def test_cells_of_a_figure_have_a_colour_for_kept_partly_and_failed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     figures: list[Figure] = []
-    write = "grosmc_mj.output.results.figure.write_figure"
+    write = "grosmc_mj.output.charts.figure.write_figure"
     monkeypatch.setattr(write, lambda figure, files: figures.append(figure))
     write_cells(tmp_path / "a.png", "a", [CELLS], "a note")
 
@@ -274,7 +274,7 @@ def test_a_point_that_is_not_judged_is_not_marked_as_failed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     figures: list[Figure] = []
-    write = "grosmc_mj.output.results.figure.write_figure"
+    write = "grosmc_mj.output.charts.figure.write_figure"
     monkeypatch.setattr(write, lambda figure, files: figures.append(figure))
     curve = Series(name="J", x=[1.0, 2.0, 3.0], y=[4.0, 5.0, 6.0], good=[True, None, False])
     chart = LineChart(name="J", titles=("rate", "J"), lines=[curve])

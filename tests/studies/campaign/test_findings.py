@@ -441,7 +441,7 @@ TITLES = ("mass scale [1]", "angle [deg]")
 def map_figure(monkeypatch: Patch) -> Any:
     """The figure of a map of eight plants under two laws."""
     figures: list[Any] = []
-    door = "grosmc_mj.output.results.figure.write_figure"
+    door = "grosmc_mj.output.charts.figure.write_figure"
     monkeypatch.setattr(door, lambda figure, _: figures.append(figure))
     laws = {"grosmc": (MAP_X, MAP_Y, MARGINS), "lqr": (MAP_X, MAP_Y, MAP_X)}
     write_pass_map(Path("map.png"), PassMap(TITLES, laws), "8 of 16 runs", NO_PROOF)

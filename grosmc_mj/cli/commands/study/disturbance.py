@@ -102,7 +102,7 @@ class DisturbanceCommand(FilmedStudyCommand["DisturbanceStudy", "WorstDisturbanc
     ) -> Sequence[Path]:
         """Draw the figure and write the case files."""
         from grosmc_mj.ground.files import atomic_write, name_in_files
-        from grosmc_mj.output.results.charts import write_panels
+        from grosmc_mj.output.charts.charts import write_panels
         from grosmc_mj.studies.disturbance.answer import case_text, charts
 
         title = f"{study.experiment.target}: worst disturbance on {self.on}"

@@ -81,7 +81,7 @@ class MarginsCommand(StudyCommand["MarginStudy", "LawMargins"]):
 
     def draw(self, study: MarginStudy, rows: Sequence[LawMargins], path: Path) -> Sequence[Path]:
         """Draw the figure, a row of charts for each setup."""
-        from grosmc_mj.output.results.charts import write_panels
+        from grosmc_mj.output.charts.charts import write_panels
         from grosmc_mj.studies.margins.answer import by_setup
         from grosmc_mj.studies.margins.figure import charts
 

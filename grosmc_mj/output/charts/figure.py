@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.ground.files import atomic_write
-from grosmc_mj.output.results.palette import DISTURBANCE, GRID
+from grosmc_mj.output.palette import DISTURBANCE, GRID
 
 # Sizes of letters [point].
 TITLE_SIZE = 11.5

@@ -18,8 +18,8 @@ from matplotlib.patheffects import AbstractPathEffect, withStroke
 from matplotlib.ticker import NullLocator
 
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.output.results.figure import figure_written, in_lines
-from grosmc_mj.output.results.palette import (
+from grosmc_mj.output.charts.figure import figure_written, in_lines
+from grosmc_mj.output.palette import (
     BLACK,
     BLUE,
     CELLS,

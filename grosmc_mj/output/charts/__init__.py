@@ -1,0 +1,1 @@
+"""Charts of answers: figures and their style, charts of a result, ranges of fast signals."""
