@@ -1,7 +1,7 @@
 """The command line: the only place that prints, picks paths and exits.
 
-``program`` finds a command among ``commands``, ``screen`` says its answer, ``output`` picks the
-places of files. It offers ``main`` and the exit codes. It imports every door.
+``program`` finds a command among ``commands``, ``screen`` says its answer, ``streams`` survive a
+reader that has gone. It offers ``main`` and the exit codes. It imports every door.
 """
 
 from grosmc_mj.cli.entry import main

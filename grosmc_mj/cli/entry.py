@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from grosmc_mj.cli.exit_codes import INTERRUPTED, WRONG
-from grosmc_mj.cli.output import PROGRAM, Output
+from grosmc_mj.cli.streams import PROGRAM, Output
 from grosmc_mj.ground.errors import (
     MISTAKE_SEPARATOR,
     GrosmcError,

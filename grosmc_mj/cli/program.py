@@ -21,7 +21,7 @@ from cyclopts import (
 
 from grosmc_mj.cli.commands import ABOUT, CLAIMS, COMMANDS, GROUPS, STUDIES, Entry, Subcommands
 from grosmc_mj.cli.exit_codes import DONE
-from grosmc_mj.cli.output import PROGRAM
+from grosmc_mj.cli.streams import PROGRAM
 from grosmc_mj.ground.errors import ArgumentError, SetupError, unknown_name, value_text
 from grosmc_mj.output.films.offscreen import without_graphics
 

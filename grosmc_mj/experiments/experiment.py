@@ -6,11 +6,11 @@ import re
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache, partial
 from itertools import chain
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -40,6 +40,7 @@ from grosmc_mj.experiments.requirements.optimum import compare_with_optimum
 from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.experiments.requirements.run_metrics import measure
 from grosmc_mj.experiments.settings import Settings, settings_of_file
+from grosmc_mj.experiments.variation import different, joined
 from grosmc_mj.ground.arguments import require, require_known
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import (
@@ -631,15 +632,15 @@ class Experiment:
 
         # All else that was varied stays.
         named = {path.partition(".")[2] for path in changes if path.startswith("run.")}
-        settings = _different(before.settings, after.settings, vars(after.settings))
+        settings = different(before.settings, after.settings, vars(after.settings))
         settings |= {name: getattr(after.settings, name) for name in named & {*vars(self.settings)}}
-        values = {name: _joined(name, before, after, self) for name in _OF_FILE}
+        values = {name: joined(name, before, after, self) for name in _OF_FILE}
         values |= {name: getattr(after, name) for name in named & {"duration"}}
         values["x0"] = self._changed_start(before, after, named)
         if owners & {"edit", "plant", "design"}:
             scales = after.nominal.scales
             if self.nominal.scales != before.nominal.scales:
-                scales = _joined("scales", before.nominal, after.nominal, self.nominal)
+                scales = joined("scales", before.nominal, after.nominal, self.nominal)
             values["nominal"] = replace(after.nominal, scales=scales)
         changed = replace(
             self,
@@ -863,62 +864,6 @@ def judge(target: str | Path | Experiment) -> list[Judgement]:
     """
     experiment = target if isinstance(target, Experiment) else Experiment.load(target)
     return judge_runs(experiment.limits, list(experiment.runs()))
-
-
-def _different(before: Any, after: Any, names: Iterable[str]) -> dict[str, Any]:
-    """Return the attributes of these names that have changed, by name."""
-    values = {name: getattr(after, name) for name in names}
-    return {name: value for name, value in values.items() if value != getattr(before, name)}
-
-
-def _joined(name: str, before: Any, after: Any, varied: Any) -> Any:
-    """Return an attribute after a change of the file, and after what was varied.
-
-    Of tuples, each entry counts for itself; of a loop each of its parts.
-
-    Args:
-        name: Name of the attribute.
-        before: Owner of the file's value before the change.
-        after: Owner of the one after it.
-        varied: Owner of the one that was varied.
-
-    Raises:
-        ArgumentError: If what was changed is no longer there.
-    """
-    old = getattr(before, name)
-    new = getattr(after, name)
-    own = getattr(varied, name)
-    if new == old:
-        return own
-    if own == old:
-        return new
-    if is_dataclass(own) and type(old) is type(new) is type(own):
-        parts = {item.name: _joined(item.name, old, new, own) for item in fields(own)}
-        return replace(cast(Any, own), **parts)
-    if isinstance(own, tuple) and isinstance(old, tuple) and isinstance(new, tuple):
-        joined = list(own)
-        for entry, instead in zip(old, new, strict=False):
-            if entry == instead:
-                continue
-            if entry not in joined:
-                _refuse_lost(name)
-            joined[joined.index(entry)] = instead
-        return (*joined, *new[len(old) :])
-    if own is None or old is None or new is None:
-        _refuse_lost(name)
-    return new
-
-
-def _refuse_lost(name: str) -> None:
-    """Refuse a change of what was replaced before.
-
-    Raises:
-        ArgumentError: Always.
-    """
-    raise ArgumentError(
-        f"{name} was replaced by varied(...), so that a change in the file has no place: change it "
-        "first, and vary it then"
-    )
 
 
 def _designs_for(file: CaseFile, system: System) -> dict[Any, Controller]:

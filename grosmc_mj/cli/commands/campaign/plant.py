@@ -7,7 +7,7 @@ from pathlib import Path
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.exit_codes import DONE
-from grosmc_mj.cli.output import PROGRAM
+from grosmc_mj.cli.streams import PROGRAM
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.ground.files import atomic_write
 from grosmc_mj.studies.campaign.opening import read_campaign
