@@ -57,7 +57,7 @@ def table() -> list[str]:
     """Return the table of the doors in Markdown."""
     rows = ["| door | behind it |", "|---|---|"]
     for floor in floors():
-        rows += [f"| `{door}` | {about(door)} |" for door in floor]
+        rows += [f"| **{door}** | {about(door)} |" for door in floor]
     return rows
 
 
