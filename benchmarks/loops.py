@@ -117,7 +117,7 @@ def _gymnasium_loop() -> list[TimedLoop]:
     """The case as an environment of Gymnasium, without input; nothing without Gymnasium."""
     try:
         with without_graphics():
-            from grosmc_mj.environments.gymnasium_face import CaseEnv
+            from grosmc_mj.environments import CaseEnv
     except ImportError:
         return []
     environment = CaseEnv("cart_pendulum", "nominal")

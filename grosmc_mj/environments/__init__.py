@@ -1,8 +1,8 @@
 """The plants as environments of dm_control and Gymnasium, and their policies as controllers.
 
-It offers ``load`` and ``register``, and judges a policy by a case's requirements. The names load on
-first use: neither dm_control nor Gymnasium is needed for what doesn't use it. It imports the
-chapter, studies and below.
+It offers ``load``, ``register`` and ``CaseEnv``, and judges a policy by a case's requirements. The
+names load on first use: neither dm_control nor Gymnasium is needed for what doesn't use it. It
+imports the chapter, studies and below.
 """
 
 import lazy_loader

@@ -1,6 +1,14 @@
+from .gymnasium_face import CaseEnv
 from .gymnasium_ids import register
 from .judging import judge_policy
 from .loading import load
 from .policies import law_policy, policy_controller
 
-__all__ = ["judge_policy", "law_policy", "load", "policy_controller", "register"]
+__all__ = [
+    "CaseEnv",
+    "judge_policy",
+    "law_policy",
+    "load",
+    "policy_controller",
+    "register",
+]

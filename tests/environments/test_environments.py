@@ -48,7 +48,7 @@ test_utils = pytest.importorskip("dm_env.test_utils")
 gymnasium = pytest.importorskip("gymnasium")
 env_checker = pytest.importorskip("gymnasium.utils.env_checker")
 
-from grosmc_mj.environments.gymnasium_face import CaseEnv  # noqa: E402
+from grosmc_mj.environments import CaseEnv  # noqa: E402
 
 load = grosmc_mj.environments.load
 
@@ -496,7 +496,7 @@ def test_without_gymnasium_it_says_what_to_install(monkeypatch: pytest.MonkeyPat
 
 DRAWN = """
 import numpy as np
-from grosmc_mj.environments.gymnasium_face import CaseEnv
+from grosmc_mj.environments import CaseEnv
 environment = CaseEnv("furuta/heavier", render_mode="rgb_array", size=(200, 150))
 environment.reset()
 first = environment.render()
