@@ -41,8 +41,7 @@ class Machine(NamedTuple):
 def machine(tmp_path_factory: pytest.TempPathFactory) -> Machine:
     """Fit the machine to two logs, and predict the third one."""
     folder = tmp_path_factory.mktemp("pendulum")
-    for path in PENDULUM.iterdir():
-        shutil.copy(path, folder)
+    shutil.copytree(PENDULUM, folder, dirs_exist_ok=True)
     logs = folder / "sac_cmd.parquet", folder / "ilqrb_cmd.parquet"
     fit = folder / "fit.toml"
     assert run("identify", logs[0], fit, "--also", logs[1], "--out", folder) == cli.DONE
