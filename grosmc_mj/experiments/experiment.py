@@ -226,7 +226,7 @@ class Experiment:
     @property
     def motors(self) -> list[Motor]:
         """Motors that stand in the place of ideal inputs."""
-        return [part for part in self.edits if isinstance(part, Motor)]
+        return [part for part in self.parts if isinstance(part, Motor)]
 
     def judged_on_motors(self, requirements: Sequence[Requirement]) -> list[Requirement]:
         """Return requirements on runs of this case, whose motors may give another input."""
@@ -253,11 +253,10 @@ class Experiment:
     def conditions(self, plant: Plant) -> Conditions:
         """Return the loads of a run on a plant, and the actuators of plant and loop."""
         loop = self.loop or Loop()
-        names = [signal.name for signal in plant.system.inputs]
         return Conditions(
             loads=[load.window for load in self.disturbances],
             input_limits=loop.input_limits(plant),
-            actuators=[(names.index(actuator.of), actuator) for actuator in loop.actuators],
+            actuators=list(loop.actuated(plant.system)),
         )
 
     @property

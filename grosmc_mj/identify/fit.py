@@ -67,7 +67,7 @@ class Fit:
 
     @property
     def doubts(self) -> list[str]:
-        """What may be wrong with the search and its timestep, in lines."""
+        """Doubts about the search and its timestep, a line each."""
         lines = []
         if not self.finished:
             lines.append("interrupted: values are the best so far, and no least squares")

@@ -138,7 +138,7 @@ def none_if_lost(loop: Loop | None) -> Loop:
 
 
 def facts(e: Experiment) -> dict[str, Any]:
-    """What each variation has changed."""
+    """Names and values that each variation has changed."""
     loop = none_if_lost(e.loop)
     return {
         "start": e.x0[1],

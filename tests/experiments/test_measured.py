@@ -150,7 +150,7 @@ def test_no_log_has_a_sliding_variable(kind: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("period", [0.05, 0.5, 1.5, 3.0])
 def test_a_log_that_does_not_sample_a_run_in_each_tenth_judges_nothing(tmp_path, period) -> None:
-    """What happens between two samples is unknown: an overshoot, or settling and leaving again."""
+    """Between two samples a run may overshoot, or settle and leave again: nobody knows."""
     experiment = load(tmp_path, f"{STEP}overshoot_below = 0.5\n")
     time = period * np.arange(200.0)
     rows = [f"{t!r},0,{min(t, 1.0)!r}" for t in time.tolist()]

@@ -473,7 +473,7 @@ def test_single_precision_differs_by_its_rounding(tmp_path: Path) -> None:
     assert proof.overturned == []
 
 
-# What Python means.
+# Values that Python gives.
 
 
 def _first_true(t: float, x: Any, memory: Any, p: Any) -> float:

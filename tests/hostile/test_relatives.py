@@ -360,7 +360,7 @@ def test_the_order_of_joints_in_a_message_changes_no_verdict(
 def test_damaged_files_of_matlab_are_read_or_refused(
     hostile: Trial, step: Path, tmp_path: Path
 ) -> None:
-    """What ends the reader's process ends no command."""
+    """A damaged file that ends the reader's process ends no command."""
     rng = random.Random(5)
     log = tmp_path / "log.mat"
     numbers = {

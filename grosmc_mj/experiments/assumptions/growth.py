@@ -64,7 +64,7 @@ def _linear_plant(experiment: Experiment) -> Plant:
 def _operating_point(
     experiment: Experiment, plant: Plant, laws: Iterable[Controller]
 ) -> OperatingPoint | None:
-    """Where the case's laws hold the plant; None where it rests nowhere near."""
+    """Operating point that the case's laws hold; None if there is no rest near it."""
     nominal = experiment.nominal
     if nominal.at is not None:
         return nominal.at

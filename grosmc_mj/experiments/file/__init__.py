@@ -1,1 +1,1 @@
-"""What a case file may say, and how it is read: tables, units, formulas, the user's Python."""
+"""Case files: their tables, units, formulas and the user's Python, and how they are read."""

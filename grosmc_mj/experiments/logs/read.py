@@ -227,7 +227,7 @@ def _factor(written: str, signal: Signal, header: str, gear: float | None) -> fl
 
 
 def _delay(table: LogTable, signal: str) -> float:
-    """How late a column shows its signal [s]."""
+    """Delay with which a column shows its signal [s]."""
     if signal not in table.columns:
         return 0.0
     return table.columns[signal].delay

@@ -70,7 +70,7 @@ def remove(
         notes.append(f"left out: actuators {_names(unused)}")
 
     referring = [*_sensors(spec, gone), *_tuples(spec, gone), *_equalities(spec, gone)]
-    # What refers to an element goes before it.
+    # An element is deleted after all that refers to it.
     for part in (*referring, *unused, *tendons, *locked, *spec.keys):
         spec.delete(part)
     notes += _remove_idle_constraints(spec)

@@ -121,7 +121,7 @@ class Loop:
             plant: Plant, with limits of its own.
         """
         limits = np.array(plant.input_limits, float)
-        for column, actuator in self._actuated(plant.system):
+        for column, actuator in self.actuated(plant.system):
             limits[:, column] = np.clip(limits[:, column], -actuator.limit, actuator.limit)
         return limits
 
@@ -135,14 +135,14 @@ class Loop:
             plant: Plant, with limits of its own.
         """
         limits = self.input_limits(plant)
-        for column, actuator in self._actuated(plant.system):
+        for column, actuator in self.actuated(plant.system):
             if actuator.gain == 0:
                 limits[:, column] = -math.inf, math.inf
             else:
                 limits[:, column] = np.sort(limits[:, column] / actuator.gain)
         return limits
 
-    def _actuated(self, system: System) -> Iterator[tuple[int, Actuator]]:
+    def actuated(self, system: System) -> Iterator[tuple[int, Actuator]]:
         """Yield the actuators of a system's inputs, each with the number of its input."""
         names = [signal.name for signal in system.inputs]
         for actuator in self.actuators:

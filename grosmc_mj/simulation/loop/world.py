@@ -49,7 +49,7 @@ class World(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """What reaches the software at a sample of the law.
+    """Measurements that reach the software at a sample of the law.
 
     Attributes:
         y: Newest measurement of each state, in its unit, (n,).

@@ -75,7 +75,7 @@ def words_of(study: DisturbanceStudy, worst: WorstDisturbance) -> str:
 
 
 def _calm_words(worst: WorstDisturbance) -> str:
-    """What is not kept without any disturbance, for the beginning of a line."""
+    """Beginning of a law's line if it fails without any disturbance; else empty."""
     if worst.calm_share > ENDED:
         return "the run ends early without any disturbance"
     if not worst.kept_when_calm:

@@ -37,7 +37,7 @@ def charts(setup: Setup, rows: Sequence[LawMargins]) -> list[LineChart]:
         level = row.at(index)[0]
         loop = interpolated(level.frequency, level.column[:, level.index])
         size = np.abs(loop.L)
-        # What is continued down to f = 0 is not drawn.
+        # Below the lowest measured line the response is extrapolated, and not drawn.
         measured = loop.frequency >= level.frequency[0]
         bode = measured & (size > _LEAST)
         near = measured & (size < _NYQUIST)
