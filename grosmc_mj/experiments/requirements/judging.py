@@ -16,6 +16,7 @@ from grosmc_mj.experiments.requirements.measurement import Windows
 from grosmc_mj.experiments.requirements.metrics import MeasuredSignal
 from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.ground.arrays import Array
+from grosmc_mj.output.results.verdicts import share_of
 from grosmc_mj.simulation.trajectory import Status
 
 
@@ -46,7 +47,7 @@ class Judgement(NamedTuple):
         """Measured over allowed value; infinite without a measurement."""
         if self.margin is None:
             return math.inf
-        return 1 - self.margin / self.requirement.number
+        return share_of(self.margin, self.requirement.number)
 
 
 def judge_runs(requirements: Iterable[Requirement], runs: Sequence[MeasuredRun]) -> list[Judgement]:

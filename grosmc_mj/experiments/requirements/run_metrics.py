@@ -31,7 +31,7 @@ def metrics_of(measurements: Sequence[Measurement], values: Any) -> dict[str, Ar
     """Return the metrics of n runs of one law by name, (n,) each; infinite where undefined.
 
     Args:
-        measurements: Measurement of each run; they differ in onset, duration and limits only.
+        measurements: Measurement of each run; they differ in onset, duration, limits and design.
         values: ``Accumulated`` of each run after its last instant, (n,).
     """
     first = measurements[0]
@@ -46,7 +46,7 @@ def metrics_of(measurements: Sequence[Measurement], values: Any) -> dict[str, Ar
         "total_variation": values["variation"] / duration,
     }
     metrics |= _transient_metrics(measurements, values)
-    metrics |= _costs(first.controller, values)
+    metrics |= _costs(measurements, values)
     return metrics | _signal_metrics(first, values)
 
 
@@ -95,13 +95,13 @@ def _ratio(value: Array, over: Array) -> Array:
     return np.divide(value, over, out=infinite, where=over != 0)
 
 
-def _costs(controller: Controller, values: Any) -> dict[str, Array]:
+def _costs(measurements: Sequence[Measurement], values: Any) -> dict[str, Array]:
     """Return index (13) with the continuous part of the input, with the whole, J*, their ratio."""
-    design = controller.designed.lqr
     whole = 0.5 * (values["state_cost"] + values["input_cost"])
-    # BLAS rounds a copy as it rounds any start, but not a part of a structure.
-    starts = [z.copy() for z in values["first_z"]]
-    optimal = np.array([design.optimal_cost(z) for z in starts])
+    optimal = np.zeros(len(values))
+    for i, (measurement, z) in enumerate(zip(measurements, values["first_z"], strict=True)):
+        # BLAS rounds a copy as it rounds any start, but not a part of a structure.
+        optimal[i] = measurement.controller.designed.lqr.optimal_cost(z.copy())
     return {
         "cost_continuous": 0.5 * (values["state_cost"] + values["continuous_cost"]),
         "cost_whole": whole,
@@ -133,6 +133,8 @@ def metrics_of_simulations(
 ) -> dict[str, Array]:
     """Return the metrics of n simulations of one law by name, (n,) each.
 
+    Runs may be of several designs of the law: each is measured by its own optimum.
+
     Args:
         measurements: Measurement of each run.
         accumulated: ``Trajectory.accumulated``, (n,), which has all instants but the last.
@@ -140,12 +142,11 @@ def metrics_of_simulations(
         completed: Whether each run reached its end, (n,); the others have no meaningful metrics.
     """
     values = accumulated.copy()
-    controller = measurements[0].controller
-    error = controller.designed.error
     for i in np.flatnonzero(completed).tolist():
+        controller = measurements[i].controller
         end = np.array([measurements[i].duration])
         x = last[i : i + 1]
-        z = error.along(end, x, controller.parameters)
+        z = controller.designed.error.along(end, x, controller.parameters)
         replay(Rows(end, z, x), measurements[i].constants, values[i : i + 1])
     return metrics_of(measurements, values)
 

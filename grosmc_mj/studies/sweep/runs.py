@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
@@ -19,6 +20,7 @@ from grosmc_mj.experiments.requirements.transient import initial_error
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import GrosmcError
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.output.results.verdicts import Verdict, share_of, verdict_of
 from grosmc_mj.simulation.acting import with_acting
 from grosmc_mj.simulation.loop import AppliedLoop
 from grosmc_mj.simulation.prepare import number_of_steps
@@ -98,6 +100,31 @@ class Outcomes:
     def verdicts(self) -> NDArray[np.bool_]:
         """Whether each run reached its end, and kept each limit, (1 + limits, n)."""
         return np.vstack([self.completed, self.shares >= 0])
+
+    def verdict(
+        self, run: int, limits: Sequence[Requirement] | None = None, *, draw: int = 0
+    ) -> Verdict:
+        """Return the verdict on a run.
+
+        Args:
+            run: Number of its row.
+            limits: Requirements of its law that it is judged by, whose metrics are among the
+                columns; those of the outcomes by default.
+            draw: Number of the draw.
+        """
+        if run in self.impossible:
+            return Verdict(impossible=self.impossible[run], draw=draw)
+
+        judged = self.limits if limits is None else limits
+        if not self.completed[run]:
+            nothing = {limit.name: math.inf for limit in judged}
+            return verdict_of(nothing, ended=str(self["status"][run]), draw=draw)
+
+        shares = {}
+        for limit in judged:
+            margin = float(limit.margin_of(self[limit.metric][run]))
+            shares[limit.name] = share_of(margin, limit.number)
+        return verdict_of(shares, draw=draw)
 
     def changed(self, **columns: Any) -> Outcomes:
         """Return the outcomes with other columns."""
@@ -294,7 +321,10 @@ def _loop_around(
 def measurements_of(
     experiment: Experiment, runs: Sequence[Run], limits: Sequence[Requirement]
 ) -> list[Measurement]:
-    """Return what is measured of each run of one law; runs with the same numbers share it."""
+    """Return what is measured of each run of one law; runs with the same numbers share it.
+
+    Runs may be of several designs of the law: each is measured by its own optimum.
+    """
     timestep = experiment.settings.timestep
     shared: dict[Any, Measurement] = {}
     measurements = []
@@ -302,10 +332,10 @@ def measurements_of(
         onset = run.case.onset
         duration = number_of_steps(run.case.duration, timestep) * timestep
         input_limits = run.plant.input_limits
-        key = onset, duration, input_limits.tobytes()
+        key = run.law, onset, duration, input_limits.tobytes()
         if key not in shared:
             shared[key] = Measurement(
-                controller=runs[0].law,
+                controller=run.law,
                 timestep=timestep,
                 duration=duration,
                 onset=onset,

@@ -12,6 +12,7 @@ from campaign_cases import INERTIA, LIMITS, LOAD, LQR, campaign, servo
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.shipped import campaign_files
 from grosmc_mj.experiments.requirements.judging import judge_runs
+from grosmc_mj.experiments.requirements.verdict import verdict_of_judgements
 from grosmc_mj.ground.errors import UndefinedLawError
 from grosmc_mj.mechanics.physics.files import load_model
 from grosmc_mj.simulation.simulate import simulate
@@ -400,6 +401,34 @@ def test_a_row_of_a_design_is_the_row_alone(index: int) -> None:
     experiment, table = designed()
     alone = run_rows(experiment, [DESIGN[index]])
     assert row_of(alone, 0) == row_of(table, index)
+
+
+def designs_of_lqr() -> list[Row]:
+    """LQR designed for a cheap input, and for a dear one."""
+    return [
+        Row(EXPERIMENT.changed({"task.R": weight}).law("physics", "lqr")) for weight in (0.1, 10.0)
+    ]
+
+
+@pytest.mark.parametrize("index", [0, 1])
+def test_each_design_of_a_law_in_one_batch_is_measured_by_its_own_optimum(index: int) -> None:
+    rows = designs_of_lqr()
+    together = run_rows(EXPERIMENT, rows)
+    alone = run_rows(EXPERIMENT, [rows[index]])
+    assert row_of(alone, 0) == row_of(together, index)
+
+
+@pytest.mark.parametrize("index", range(len(DESIGN)))
+def test_a_verdict_on_a_row_is_that_on_its_recorded_run(index: int) -> None:
+    _, table = designed()
+    row = DESIGN[index]
+    assert row.case is not None
+    assert isinstance(row.law, str)
+    limits = [limit for limit in table.limits if row.law in limit.laws]
+    verdict = table.verdict(index, limits)
+    recorded = verdict_of_judgements(row.case.run("physics", row.law).requirements)
+    assert (verdict.kept, verdict.tightest) == (recorded.kept, recorded.tightest)
+    assert verdict.shares == pytest.approx(recorded.shares, rel=1e-9)
 
 
 def test_rows_by_equations_agree_with_physics() -> None:
