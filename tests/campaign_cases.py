@@ -101,7 +101,7 @@ between = ["rotor mass scale", "load amplitude"]
 coefficient = 0.5
 """
 
-# A servo as it is built: its gear, friction, stops, motor and load.
+# A servo as it is built: its gear, friction, stops, motor and a wall.
 MACHINE = """timestep = "0.25 ms"
 [[transmission]]
 joint = "shaft"
@@ -125,11 +125,6 @@ input = "current"
 constant = "7.68 mN m/A"
 resistance = "2.6 ohm"
 ratio = 10
-[[swinging_load]]
-body = "rotor"
-mass = "0.1 kg"
-length = "20 cm"
-at = ["10 cm", "0 m", "0 m"]
 [[wall]]
 body = "rotor"
 radius = "1 cm"

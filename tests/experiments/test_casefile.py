@@ -356,7 +356,7 @@ def test_the_machine_of_the_starter_is_one(tmp_path: Path) -> None:
     plant = load(tmp_path, "\n".join([before, *lines, "", after])).plant("physics")
     assert isinstance(plant, MujocoPlant)
     assert [part.kind for part in plant.parts] == [name.replace("_", " ") for name in MACHINE]
-    assert {state.kind for state in plant.hidden_states} == {"twist", "load", "bristle"}
+    assert {state.kind for state in plant.hidden_states} == {"twist", "bristle"}
 
 
 # A case of the package as a base.

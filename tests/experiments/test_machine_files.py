@@ -19,7 +19,6 @@ from grosmc_mj.mechanics.machine import (
     LuGre,
     Motor,
     Stop,
-    SwingingLoad,
     Transmission,
     Wall,
 )
@@ -181,18 +180,6 @@ READ = [
     (
         "servo",
         table(
-            "swinging_load",
-            body="rotor",
-            mass="100 g",
-            length="20 cm",
-            damping="1 mN m s/rad",
-            at=["5 cm", "0 m", "-10 mm"],
-        ),
-        SwingingLoad("rotor", mass=0.1, length=0.2, damping=1e-3, at=(0.05, 0.0, -0.01)),
-    ),
-    (
-        "servo",
-        table(
             "wall",
             body="rotor",
             radius="4 cm",
@@ -216,11 +203,6 @@ READ = [
         "servo",
         table("edit", input="current", gear=0.3),
         InputEdit("current", 0.3),
-    ),
-    (
-        "two_link_arm",
-        table("edit", joint="shoulder", tilt="5 deg"),
-        JointEdit("shoulder", tilt=5 * DEGREE),
     ),
 ]
 

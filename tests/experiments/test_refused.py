@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -252,6 +253,23 @@ REQUIREMENTS = [
         'stays_within = "10 m"',
     ),
 ]
+# Keys of former versions.
+FORMER = [
+    (
+        '[[swinging_load]]\nbody = "rotor"\n',
+        "[[swinging_load]] is no part any more: describe",
+    ),
+    ('[[sliding_load]]\nbody = "rotor"\n', "[[sliding_load]] is no part any more: describe"),
+    ('[[edit]]\njoint = "shaft"\ntilt = "1 deg"\n', "edit 1: tilt of a joint is no edit any more"),
+]
+
+
+@pytest.mark.parametrize(("table", "words"), FORMER)
+def test_a_former_key_is_refused_with_what_replaces_it(tmp_path, table, words) -> None:
+    with pytest.raises(ArgumentError, match=re.escape(words)):
+        load(tmp_path, short_step() + table)
+
+
 # Limits that are shares of the error at the start.
 SHARES = ["overshoot_below = 0.1", 'settles_within = "4 s"']
 TASKS = [

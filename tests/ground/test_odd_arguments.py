@@ -176,7 +176,6 @@ UNCERTAINTY: dict[str, Any] = {
     "region": (1.2, 1.2),
     "reaching_rate": 0.2,
 }
-LOAD = {"body": "rotor", "mass": 0.1, "damping": 0.1, "at": (0, 0, 0.1)}
 ROBOT = """
 <mujoco model="one"><worldbody><body name="link"><joint name="hinge" axis="0 1 0"/>
 <geom type="capsule" size="0.05" fromto="0 0 0 0 0 0.5" mass="1"/></body></worldbody>
@@ -301,8 +300,6 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
         thermal_resistance=5.0,
         heat_capacity=2.0,
     ),
-    "SwingingLoad": part(machine.SwingingLoad, **LOAD, length=0.2),
-    "SlidingLoad": part(machine.SlidingLoad, **LOAD, stiffness=10.0),
     "Wall": part(
         machine.Wall,
         body="rotor",

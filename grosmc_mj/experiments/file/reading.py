@@ -9,8 +9,9 @@ from typing import Any, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 
 from grosmc_mj.experiments.file.content import Content, content_of_text, read_content
+from grosmc_mj.experiments.file.former_keys import written_today
 from grosmc_mj.experiments.file.schema import CaseFile, file_name
-from grosmc_mj.ground.errors import ArgumentError, together
+from grosmc_mj.ground.errors import ArgumentError, together, unknown_name
 from grosmc_mj.ground.refusals import Place, line_of
 
 
@@ -77,11 +78,19 @@ def _lines(error: ValidationError) -> list[str]:
         where = f"{' '.join(tables)}: " if tables else ""
         if mistake["type"] == "missing":
             lines.append(where + _missing(key, location, keys))
+        elif mistake["type"] == "extra_forbidden":
+            lines.append(where + _unknown(location, key, keys, mistake["input"]))
         elif mistake["type"] == "list_type" and isinstance(mistake["input"], dict):
             lines.append(f"[{key}] is one of possibly several: write [[{key}]]")
         else:
             lines.append(line_of(mistake, Place(key, "key", keys, where)))
     return lines
+
+
+def _unknown(location: Sequence[Any], key: str, keys: Sequence[str], value: Any) -> str:
+    """Return the words on an unknown key: what replaces one of a former version, or valid keys."""
+    table = "" if len(location) == 1 else str(location[0])
+    return written_today(table, key, value) or unknown_name("key", key, keys)
 
 
 def _missing(key: str, loc: Sequence[Any], keys: Sequence[str]) -> str:

@@ -132,7 +132,7 @@ class RunTable(Table):
 # Keys of an edit, by the kind of thing that it changes.
 EDITED = {
     "body": ("mass_scale", "length_scale", "mass", "inertia", "added_mass", "at"),
-    "joint": ("damping", "friction", "armature", "tilt"),
+    "joint": ("damping", "friction", "armature"),
     "input": ("gear",),
     "parameter": ("scale",),
 }
@@ -181,7 +181,6 @@ class EditTable(Table):
             without a unit is in SI units.
         friction: Dry friction of the joint, ``"0.5 N m"`` or ``"5 N"``.
         armature: Armature of the joint, ``"0.1 kg m^2"`` or ``"1 kg"``.
-        tilt: Angle by which the joint's axis turns towards the z-axis of its body [rad].
         input: An input of the model.
         gear: Torque or force at the joint for one unit of the input, such as ``"0.3 N m/A"``.
         parameter: A parameter of a user's own analytic plant.
@@ -200,7 +199,6 @@ class EditTable(Table):
     damping: Any = None
     friction: Any = None
     armature: Any = None
-    tilt: Radians | None = None
     input: str | None = None
     gear: Any = None
     parameter: str | None = None
@@ -302,8 +300,6 @@ _KEYS_OF_KINDS: dict[str, Any] = {kind.key: _key_of(kind) for kind in KINDS}
 _KEYS_OF_KINDS["from"] = (_SECONDS, 0.0)
 _Limits = create_model("_Limits", __base__=Table, **_KEYS_OF_KINDS)
 _OPTIONS = frozenset(option for kind in KINDS for option in kind.options)
-# Keys of former versions, and how they are written today.
-_FORMER = {"cart_travel_below": 'state = "cart position", stays_within = "{}"'}
 
 
 class RequirementTable(_Limits):
@@ -339,15 +335,6 @@ class RequirementTable(_Limits):
     above: Any = None
     below: Any = None
     to: Seconds | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _today(cls, table: Any) -> Any:
-        """Refuse a key of a former version, with the words of today."""
-        for key, today in _FORMER.items():
-            if isinstance(table, dict) and key in table:
-                raise ValueError(f"{key} is now written {today.format(table[key])}")
-        return table
 
     @model_validator(mode="after")
     def _option_of_something(self) -> RequirementTable:
@@ -610,8 +597,6 @@ class UncertainTable(_OwnersTable):
         drive_friction: The joint of a [[drive_friction]].
         stop: The joint of a [[stop]].
         motor: The input of a [[motor]].
-        swinging_load: The body of a [[swinging_load]].
-        sliding_load: The body of a [[sliding_load]].
         wall: The body of a [[wall]].
         name: Name of the number; its owner and the quantity by default.
         nominal: The value without uncertainty, from which the radius is measured: by default
@@ -746,8 +731,6 @@ class CaseFile(_WithParts):
         drive_friction: Friction of the drives of joints, which depends on speed and load.
         stop: Stops at the ends of joints.
         motor: DC motors that stand for the inputs.
-        swinging_load: Loads that hang on bodies.
-        sliding_load: Loads that slide on bodies.
         wall: Walls that bodies can touch.
         task: Outputs, reference and weights that the laws are designed for.
         laws: Laws with their numbers, by name.

@@ -88,7 +88,7 @@ def _edit(table: EditTable, system: System) -> Edit:
     """Return one edit of the model."""
     if table.joint is not None:
         numbers = _joint_numbers(table, table.joint, system)
-        return JointEdit(table.joint, **numbers, tilt=table.tilt)
+        return JointEdit(table.joint, **numbers)
     if table.input is not None:
         actuator = in_model(table.input, "input", system)
         return InputEdit(actuator, _gear(table, table.input, system))

@@ -8,22 +8,19 @@ from __future__ import annotations
 from grosmc_mj.mechanics.machine.backlash import Transmission
 from grosmc_mj.mechanics.machine.drive_friction import DriveFriction
 from grosmc_mj.mechanics.machine.friction import LuGre
-from grosmc_mj.mechanics.machine.loads import SlidingLoad, SwingingLoad
 from grosmc_mj.mechanics.machine.motor import Motor
 from grosmc_mj.mechanics.machine.part import MachinePart
 from grosmc_mj.mechanics.machine.stops import Stop, Wall
 
 # All kinds, in the order in which a case file is read.
-PARTS = (Transmission, LuGre, DriveFriction, Stop, Motor, SwingingLoad, SlidingLoad, Wall)
+PARTS = (Transmission, LuGre, DriveFriction, Stop, Motor, Wall)
 
 __all__ = [
     "DriveFriction",
     "LuGre",
     "MachinePart",
     "Motor",
-    "SlidingLoad",
     "Stop",
-    "SwingingLoad",
     "Transmission",
     "Wall",
 ]

@@ -23,8 +23,6 @@ from grosmc_mj.mechanics.physics.edit import Change, Edit
 from grosmc_mj.mechanics.physics.files import compile_spec
 
 _SIZELESS = (mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_SDF)
-# Sine of the angle within which an axis lies along z, but for rounding.
-_PARALLEL = 1e-9
 # A compiler refuses a body that moves and has less mass or inertia.
 _LEAST = mujoco.mjMINVAL
 # Added parts are drawn in a colour of their own, with the density of stone [kg/m^3].
@@ -258,17 +256,12 @@ class JointEdit(Edit):
         damping: [N m s/rad] or [N s/m].
         friction: Dry friction [N m] or [N], see ``dry_friction``.
         armature: Inertia of what drives it [kg m^2] or [kg].
-        tilt: Angle by which its axis a turns towards the z-axis of its body, about a x z [rad]. An
-            axis along z, of either direction, turns towards the x-axis.
     """
 
     joint: Name
     damping: NotNegative | None = None
     friction: NotNegative | None = None
     armature: NotNegative | None = None
-    tilt: (
-        Annotated[float, Range(-math.pi / 2, math.pi / 2, "rad", above=True, below=True)] | None
-    ) = None
 
     owner = "joint"
     order = 2
@@ -278,7 +271,6 @@ class JointEdit(Edit):
             "damping": self.damping,
             "friction": self.friction,
             "armature": self.armature,
-            "tilt": self.tilt,
         }
         words = [f"{name} {value:.3g}" for name, value in numbers.items() if value is not None]
         return f"{self.joint}: {', '.join(words) or 'as it is'}"
@@ -292,9 +284,6 @@ class JointEdit(Edit):
             set_dry_friction(spec, joint, self.friction)
         if self.armature is not None:
             joint.armature = self.armature
-        if self.tilt is not None:
-            axis = np.array(joint.axis) / np.linalg.norm(joint.axis)
-            joint.axis = _tilted(axis, self.tilt)
 
 
 @checked(ModelError)
@@ -377,15 +366,6 @@ def _scale_geometry(spec: mujoco.MjSpec, body: mujoco.MjsBody, b: float) -> None
 def _steiner(offset: Array) -> Array:
     """Inertia of a unit point mass about a point at an offset: the parallel-axis theorem."""
     return float(offset @ offset) * np.eye(3) - np.outer(offset, offset)
-
-
-def _tilted(axis: Array, angle: float) -> Array:
-    """Turn a unit vector towards z, or x if it lies along z: Rodrigues' rotation formula."""
-    towards = np.array([0.0, 0.0, 1.0])
-    if np.linalg.norm(axis[:2]) < _PARALLEL:
-        towards = np.array([1.0, 0.0, 0.0])
-    across = towards - (towards @ axis) * axis
-    return math.cos(angle) * axis + math.sin(angle) * across / np.linalg.norm(across)
 
 
 def write_inertia(

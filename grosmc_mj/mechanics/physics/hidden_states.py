@@ -1,4 +1,4 @@
-"""States that no law sees: coordinates of motors and loads, currents, bristles, heat.
+"""States that no law sees: coordinates of motors, currents, bristles, heat.
 
 mjSTATE_FULLPHYSICS is [time, qpos, qvel, act, ...]; the system's own joints come first in qpos and
 qvel, and those that parts of a machine add come after them.
@@ -86,8 +86,7 @@ def _unit(model: mujoco.MjModel, joint: int) -> str:
 def starts(model: mujoco.MjModel, system: System, x0: Array) -> tuple[Array, Array]:
     """Compute qpos and qvel of simulations that start in states of the system.
 
-    Motors begin with their joints, without twist; loads that swing hang at rest, those that slide
-    rest.
+    Motors begin with their joints, without twist.
 
     Args:
         model: Compiled.
@@ -109,20 +108,4 @@ def starts(model: mujoco.MjModel, system: System, x0: Array) -> tuple[Array, Arr
         if driven is not None:
             qpos[:, joint] = x0[:, driven]
             qvel[:, joint] = x0[:, n + driven]
-        elif model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE:
-            qpos[:, joint] = [_hanging(model, joint, row) for row in qpos]
     return qpos, qvel
-
-
-def _hanging(model: mujoco.MjModel, joint: int, qpos: Array) -> float:
-    """Angle at which a body on a hinge hangs straight below it [rad]."""
-    data = mujoco.MjData(model)
-    data.qpos[:] = qpos
-    mujoco.mj_kinematics(model, data)
-
-    body = int(model.jnt_bodyid[joint])
-    axis = data.xaxis[joint]
-    arm = data.xipos[body] - data.xanchor[joint]
-    gravity = model.opt.gravity
-    down = gravity - (gravity @ axis) * axis
-    return float(qpos[joint] + np.arctan2(axis @ np.cross(arm, down), arm @ down))

@@ -16,9 +16,7 @@ from grosmc_mj.mechanics.machine import (
     LuGre,
     MachinePart,
     Motor,
-    SlidingLoad,
     Stop,
-    SwingingLoad,
     Transmission,
     Wall,
 )
@@ -41,7 +39,6 @@ _TABLES: Mapping[str, tuple[Sequence[str], Collection[str] | None]] = {
     "friction": (("lugre", "drive_friction"), None),
     "backlash": (("transmission",), ("backlash", "friction", "restitution", "duration")),
     "flexibility": (("transmission",), ("stiffness", "damping", "inertia")),
-    "loads": (("swinging_load", "sliding_load"), None),
     "stops": (("stop", "wall"), None),
 }
 
@@ -196,7 +193,6 @@ def _machine_additions(parts: Sequence[MachinePart]) -> Iterator[tuple[str, list
     yield "friction", [part for part in parts if isinstance(part, (LuGre, DriveFriction))]
     yield "backlash", [replace(gear, stiffness=math.inf) for gear in gears if gear.backlash]
     yield "flexibility", [gear for gear in gears if math.isfinite(gear.stiffness)]
-    yield "loads", [part for part in parts if isinstance(part, (SwingingLoad, SlidingLoad))]
     yield "stops", [part for part in parts if isinstance(part, (Stop, Wall))]
 
 

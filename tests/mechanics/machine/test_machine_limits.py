@@ -19,7 +19,6 @@ from grosmc_mj.mechanics.machine import (
     MachinePart,
     Motor,
     Stop,
-    SwingingLoad,
     Transmission,
     Wall,
 )
@@ -55,11 +54,10 @@ def test_a_part_of_the_models_inertia_leaves_its_numbers(plant: MujocoPlant) -> 
 
 @pytest.fixture(scope="module")
 def machine() -> MujocoPlant:
-    """A cart-pendulum with a load, a belt and friction."""
+    """A cart-pendulum with a belt and friction."""
     parts = (
         Transmission("slider", inertia=0.05, stiffness=1e4, damping=20.0),
         LuGre("slider", 1.0, stiffness=1e3),
-        SwingingLoad("cart", 0.1, 0.2),
     )
     return MujocoPlant.load("cart_pendulum", edits=parts)
 
@@ -73,7 +71,7 @@ def run(machine: MujocoPlant) -> Trajectory:
 
 def test_hidden_states_are_named_with_their_unit(machine: MujocoPlant) -> None:
     units = {state.name: state.unit for state in machine.hidden_states}
-    assert units == {"cart swing": "rad", "slider twist": "m", "slider friction bristle": "m"}
+    assert units == {"slider twist": "m", "slider friction bristle": "m"}
 
 
 def test_hidden_states_are_recorded_beside_the_state(run: Trajectory) -> None:
@@ -95,7 +93,7 @@ def test_a_twist_is_read_from_a_run(machine: MujocoPlant, run: Trajectory) -> No
 
 
 def test_a_plant_with_hidden_states_has_no_derivative(machine: MujocoPlant) -> None:
-    with pytest.raises(ModelError, match=r"states that x does not tell \(cart swing, slider twist"):
+    with pytest.raises(ModelError, match=r"states that x does not tell \(slider twist"):
         machine.derivative([0.0] * 4)
 
 

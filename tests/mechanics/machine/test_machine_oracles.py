@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from machined import HEAVY, J, servo, stepped
 
-from grosmc_mj.mechanics.machine import LuGre, Stop, SwingingLoad, Transmission, Wall
+from grosmc_mj.mechanics.machine import LuGre, Stop, Transmission, Wall
 from grosmc_mj.mechanics.machine.bounces import restitution_of
 from grosmc_mj.mechanics.machine.part import Oscillation
-from grosmc_mj.mechanics.physics.hidden_states import starts
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 
 # Transmissions. The motor's inertia, and the stiffness and damping of the twist.
@@ -171,18 +170,3 @@ def test_a_wall_gives_back_its_restitution() -> None:
         assert data.time < 1
     assert (data.geom_xpos[ball, 0] - before) / 1e-4 == pytest.approx(-0.5, rel=0.02)
     assert abs(data.qvel[1]) > 0.1
-
-
-def test_a_swinging_load_begins_below_its_hinge() -> None:
-    load = SwingingLoad("link", 1e-6, 0.3, at=(0.5, 0, 0))
-    plant = MujocoPlant.load("arm", edits=(load,), timestep=1e-4)
-    model = plant.model
-    qpos, qvel = starts(model, plant.system, np.array([[0.4, 0.0]]))
-    data = mujoco.MjData(model)
-    data.qpos[:] = qpos[0]
-    data.qvel[:] = qvel[0]
-    mujoco.mj_kinematics(model, data)
-
-    centre = data.xipos[model.body("link swing").id]
-    hinge = data.xanchor[model.joint("link swing").id]
-    assert centre - hinge == pytest.approx([0.0, 0.0, -0.3], abs=1e-12)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -283,29 +282,6 @@ def test_a_joint_edit_sets_its_own_numbers_only(
     assert after.dof_damping[0] == damping
     assert after.dof_frictionloss[0] == friction
     assert after.dof_armature[0] == armature
-
-
-@pytest.mark.parametrize("tilt", [math.radians(60), -0.4])
-@pytest.mark.parametrize(
-    ("axis", "towards"),
-    [
-        ((0, -1, 0), (0, 0, 1)),
-        ((2, 2, 0), (0, 0, 1)),
-        ((0, 0, 1), (1, 0, 0)),
-        ((0, 0, -1), (1, 0, 0)),
-    ],
-)
-def test_a_tilt_turns_an_axis_towards_z_or_from_z_towards_x(
-    axis: Any, towards: Any, tilt: float
-) -> None:
-    spec = mujoco.MjSpec()
-    body = spec.worldbody.add_body(name="b", mass=1.0, inertia=[1, 1, 1], explicitinertial=True)
-    body.add_joint(name="j", axis=axis)
-    model = compile_spec(apply_edits(spec, [JointEdit("j", tilt=tilt)]))
-
-    unit = np.array(axis) / np.linalg.norm(axis)
-    expected = math.cos(tilt) * unit + math.sin(tilt) * np.array(towards)
-    np.testing.assert_allclose(model.jnt_axis[0], expected, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from shipped import find_case, nominal_controller
 from grosmc_mj import cli
 from grosmc_mj.cli.commands.film import FilmCommand
 from grosmc_mj.cli.program import parse
-from grosmc_mj.mechanics.machine import LuGre, Stop, SwingingLoad, Transmission
+from grosmc_mj.mechanics.machine import LuGre, Stop, Transmission
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.output import viewer
 from grosmc_mj.output.viewer import LONGEST, PICTURE, play
@@ -41,7 +41,6 @@ Run = dict[str, Any]
 BUILT = (
     Transmission("shoulder", 0.1, stiffness=1e4, backlash=1e-3),
     Stop("shoulder", -0.5, 0.5),
-    SwingingLoad("lower", 0.1, 0.3),
     LuGre("elbow", 0.5),
 )
 

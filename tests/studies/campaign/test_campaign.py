@@ -77,12 +77,12 @@ MACHINES = [
     (("transmission", "shaft", 'stiffness = ["100 N m/rad", "5 MN m/rad"]'), "makes unstable"),
 ]
 COULOMB = of("lugre", "shaft", 'coulomb = ["30 mN m", "70 mN m"]')
-SWING = of("swinging_load", "rotor", 'mass = ["50 g", "150 g"]')
-SECOND_SWING = """
-[[swinging_load]]
+RADIUS = of("wall", "rotor", 'radius = ["1 cm", "2 cm"]')
+SECOND_WALL = """
+[[wall]]
 body = "rotor"
-mass = "0.2 kg"
-length = "30 cm"
+radius = "2 cm"
+point = ["0 m", "0 m", "-2 m"]
 """
 SPEED_NOISE = of("sensor", "rotor speed", 'noise = ["0 rad/s", "1 rad/s"]')
 # Both states of one age, for a law that predicts.
@@ -113,7 +113,7 @@ TEXTS = [
     *((plain(tables), words) for tables, words in NUMBERS),
     *((standing(of(*table), MACHINE), words) for table, words in MACHINES),
     (standing(2 * COULOMB, MACHINE), "two are uncertain 'lugre shaft coulomb'"),
-    (standing(SWING, MACHINE + SECOND_SWING), "the file has 2 [[swinging_load]] of 'rotor'"),
+    (standing(RADIUS, MACHINE + SECOND_WALL), "the file has 2 [[wall]] of 'rotor'"),
     (standing(SENSOR_DELAY, PREDICTS), "let that of computing = true vary instead"),
     (standing(LONG_DELAY, PREDICTS), "at most 100000"),
     (standing(SPEED_NOISE, LOOP), "unknown sensor"),

@@ -65,8 +65,8 @@ resistance = ["2 ohm", "3 ohm"]
 transmission = "shaft"
 backlash = ["0 mrad", "1 mrad"]
 [[uncertain]]
-swinging_load = "rotor"
-mass = ["0.1 kg", "0.2 kg"]
+wall = "rotor"
+radius = ["1 cm", "2 cm"]
 """
 # Sine, start, length and a point mass, on a plant with several inputs.
 TWO_LINKS = """

@@ -69,14 +69,13 @@ controller = [{ law = "mine:law" }]
 lugre = [{ joint = "shaft", coulomb = "0.05 N m" }]
 requirement = [{ deviation_below = "1 rad" }]
 """
-# Loads of one body do not take each other's place.
-LOADED = f"""{SERVO}
+# Walls of one body do not take each other's place.
+WALLED = f"""{SERVO}
 stop = [{{ joint = "shaft", low = "-1 rad", high = "1 rad" }}]
-swinging_load = [
-  {{ body = "rotor", mass = "10 g", length = "10 cm" }},
-  {{ body = "rotor", mass = "20 g", length = "10 cm" }},
+wall = [
+  {{ body = "rotor", radius = "1 cm", point = ["0 m", "0 m", "-1 m"] }},
+  {{ body = "rotor", radius = "2 cm", point = ["0 m", "0 m", "-2 m"] }},
 ]
-sliding_load = [{{ body = "rotor", mass = "10 g", stiffness = "100 N/m" }}]
 transmission = [{{ joint = "shaft", inertia = "0.01 kg m^2", stiffness = "100 N m/rad" }}]
 """
 
@@ -226,10 +225,9 @@ def test_misprinted_equations_are_the_first_rung() -> None:
 
 
 def test_loads_of_one_body_stand_beside_each_other(tmp_path: Path) -> None:
-    climbing, alone = rungs_of(Experiment.load(written(tmp_path, LOADED)))
-    assert [rung.name for rung in alone] == ["flexibility", "loads", "stops"]
-    loads = "swinging load swinging load sliding load"
-    assert kinds(climbing[-1]) == f"transmission {loads} stop"
+    climbing, alone = rungs_of(Experiment.load(written(tmp_path, WALLED)))
+    assert [rung.name for rung in alone] == ["flexibility", "stops"]
+    assert kinds(climbing[-1]) == "transmission stop wall wall"
 
 
 # The answer.

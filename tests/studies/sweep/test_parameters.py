@@ -191,8 +191,8 @@ coulomb = ["30 mN m", "70 mN m"]
 motor = "current"
 resistance = ["2 ohm", "3 ohm"]
 [[uncertain]]
-swinging_load = "rotor"
-mass = ["50 g", "150 g"]
+wall = "rotor"
+radius = ["0.5 cm", "1.5 cm"]
 [[uncertain]]
 stop = "shaft"
 restitution = [0.1, 0.5]
@@ -210,17 +210,17 @@ def test_numbers_of_a_machine_have_the_file_s_values() -> None:
         "shaft backlash [rad]",
         "shaft coulomb [N m]",
         "current resistance [ohm]",
-        "rotor mass [kg]",
+        "rotor radius [m]",
         "shaft restitution []",
     ]
-    assert family.nominal.tolist() == pytest.approx([1e-3, 0.05, 2.6, 0.1, 0.3])
+    assert family.nominal.tolist() == pytest.approx([1e-3, 0.05, 2.6, 0.01, 0.3])
 
 
 @pytest.fixture(scope="module")
 def machines() -> tuple[Any, Any]:
     """The nominal machine and one with other numbers."""
     nominal = machine().plant
-    return nominal, plant_of(machine().plant_sample([2e-3, 0.06, 2.2, 0.12, 0.5]), nominal)
+    return nominal, plant_of(machine().plant_sample([2e-3, 0.06, 2.2, 0.012, 0.5]), nominal)
 
 
 def test_backlash_reaches_the_model(machines: tuple[Any, Any]) -> None:
@@ -228,9 +228,9 @@ def test_backlash_reaches_the_model(machines: tuple[Any, Any]) -> None:
     assert changed.model.tendon_lengthspring[0] == pytest.approx([-1e-3, 1e-3])
 
 
-def test_a_swinging_mass_reaches_the_model(machines: tuple[Any, Any]) -> None:
+def test_a_radius_of_a_wall_s_ball_reaches_the_model(machines: tuple[Any, Any]) -> None:
     _, changed = machines
-    assert changed.model.body("rotor swing").mass[0] == 0.12
+    assert changed.model.geom("bumper 1").size[0] == 0.012
 
 
 def test_a_resistance_reaches_the_brake(machines: tuple[Any, Any]) -> None:
