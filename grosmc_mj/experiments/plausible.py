@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from grosmc_mj.experiments.file.parts import TABLES, table_of, unit_of
+from grosmc_mj.experiments.file.parts import table_of
 from grosmc_mj.ground.fields import Range, range_of
 from grosmc_mj.mechanics.machine.stops import Stop
 from grosmc_mj.mechanics.physics.edit import Edit
@@ -70,8 +70,7 @@ def _numbers(system: System, parts: Iterable[tuple[str, Any]]) -> Iterator[tuple
             bounds = range_of(type(part), item.name)
             if bounds is None:
                 continue
-            if kind in TABLES and not bounds.whole:
-                bounds = replace(bounds, unit=unit_of(kind, owner, item.name, system))
+            bounds = replace(bounds, unit=bounds.unit_in(system, owner))
             yield f"{name}: {item.name}", getattr(part, item.name), bounds
 
 

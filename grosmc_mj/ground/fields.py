@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import inspect
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cache, wraps
@@ -38,6 +39,29 @@ class Check:
         return core_schema.no_info_plain_validator_function(self)
 
 
+class OwnerUnit(ABC):
+    """Unit of a number that depends on its owner, such as the state that a sensor measures.
+
+    ``str`` writes it for people, in words.
+    """
+
+    @abstractmethod
+    def in_system(self, system: Any, of: str) -> str:
+        """Return the unit.
+
+        Args:
+            system: System of the plant.
+            of: Name of the owner: a state, an input or a joint.
+
+        Raises:
+            ArgumentError: If the system has no such owner.
+        """
+
+    def choices(self, system: Any, of: str) -> list[str]:
+        """Return all units that it may be; a system may leave open which one."""
+        return [self.in_system(system, of)]
+
+
 # Usual sizes of numbers by unit: smaller and larger ones are allowed, but probably a slip.
 _USUAL = {
     "s": (1e-7, 1e6),
@@ -61,7 +85,8 @@ class Range(Check):
     Attributes:
         low: Smallest value.
         high: Largest value; infinity for no upper bound.
-        unit: Unit, such as ``s``; empty for a pure number.
+        unit: Unit, such as ``s``; empty for a pure number; one that depends on the owner of the
+            number is an ``OwnerUnit``.
         above: Whether ``low`` itself is refused.
         below: Whether ``high`` itself is refused.
         infinite: Whether infinity is allowed; it stands for "no limit".
@@ -71,16 +96,30 @@ class Range(Check):
 
     low: float = -math.inf
     high: float = math.inf
-    unit: str = ""
+    unit: str | OwnerUnit = ""
     above: bool = False
     below: bool = False
     infinite: bool = False
     whole: bool = False
     usual: tuple[float, float] | None = None
 
+    def unit_in(self, system: Any, of: str) -> str:
+        """Return the unit of a number of a system.
+
+        Args:
+            system: System of the plant.
+            of: Name of the owner of the number, on which the unit may depend.
+
+        Raises:
+            ArgumentError: If the unit depends on an owner that the system does not have.
+        """
+        if isinstance(self.unit, OwnerUnit):
+            return self.unit.in_system(system, of)
+        return self.unit
+
     def unusual(self, number: float) -> str:
         """Return the usual sizes in words if a number is beyond them; else an empty string."""
-        low, high = self.usual or _USUAL.get(self.unit, _USUAL_IN_OTHER_UNITS)
+        low, high = self.usual or _USUAL.get(str(self.unit), _USUAL_IN_OTHER_UNITS)
         if number == 0 or math.isinf(number) or low <= abs(number) <= high:
             return ""
         return f"{low:g} to {high:g}"
@@ -108,7 +147,8 @@ class Range(Check):
     def wanted(self) -> str:
         """Description of the numbers within, which follows "must be"."""
         text = self._bounds_in_words()
-        if self.unit and any(character.isdigit() for character in text):
+        has_number = any(character.isdigit() for character in text)
+        if has_number and self.unit and isinstance(self.unit, str):
             text = f"{text} {self.unit}"
         if self.whole:
             text = f"a whole number {text}"

@@ -7,7 +7,7 @@ the numbers that nobody has published: whatever shows results says so.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import MISSING, Field, fields
 from functools import partial
 from typing import Annotated, Any, Literal, get_type_hints
@@ -22,7 +22,6 @@ from grosmc_mj.mechanics.machine import PARTS, MachinePart
 from grosmc_mj.mechanics.physics.edit import Edit
 from grosmc_mj.simulation.loop import Actuator, Computing, Estimator, Loop, Sensor
 from grosmc_mj.simulation.loop.loop import LARGEST_SEED
-from grosmc_mj.simulation.loop.rows import numbers_of as names_of_numbers
 from grosmc_mj.theory.plants import System
 
 
@@ -31,14 +30,10 @@ def table_of(part: Edit | type[Edit]) -> str:
     return part.kind.replace(" ", "_")
 
 
-def _units(part: Any, names: Iterable[str]) -> dict[str, str]:
-    """Return the units of a part's numbers; whole numbers have none and are left out."""
-    units = {}
-    for name in names:
-        bounds = range_of(part, name)
-        if bounds and not bounds.whole:
-            units[name] = bounds.unit
-    return units
+def _numbers(part: Any) -> tuple[str, ...]:
+    """Return the names of a part's numbers with a unit; whole numbers have none."""
+    ranges = {item.name: range_of(part, item.name) for item in fields(part)}
+    return tuple(name for name, bounds in ranges.items() if bounds and not bounds.whole)
 
 
 LOOP_PARTS: Mapping[str, Any] = {
@@ -48,16 +43,11 @@ LOOP_PARTS: Mapping[str, Any] = {
     "actuator": Actuator,
 }
 MACHINE_PARTS: Mapping[str, type[MachinePart]] = {table_of(part): part for part in PARTS}
-# Units by kind of part and name; {} stands for the unit of the part's signal.
-LOOP_UNITS: dict[str, dict[str, str]] = {
-    kind: _units(part, names_of_numbers(part)) for kind, part in LOOP_PARTS.items()
-}
-# Of two units of a joint's number, "N m or N", the first is for a hinge, the second for a slide.
-MACHINE_UNITS: dict[str, dict[str, str]] = {
-    kind: _units(part, (item.name for item in fields(part))) for kind, part in MACHINE_PARTS.items()
-}
+# Names of the numbers with a unit by kind of part.
+LOOP_NUMBERS = {kind: _numbers(part) for kind, part in LOOP_PARTS.items()}
+MACHINE_NUMBERS = {kind: _numbers(part) for kind, part in MACHINE_PARTS.items()}
 _PARTS = {**LOOP_PARTS, **MACHINE_PARTS}
-_UNITS = {**LOOP_UNITS, **MACHINE_UNITS}
+_NUMBERS = {**LOOP_NUMBERS, **MACHINE_NUMBERS}
 
 
 def _table(kind: str, part: Any) -> type[Table]:
@@ -66,7 +56,7 @@ def _table(kind: str, part: Any) -> type[Table]:
     keys: dict[str, Any] = {
         item.name: _key(kind, part, item, hints[item.name]) for item in fields(part)
     }
-    keys["assumed"] = (list[Literal[*_UNITS[kind]]], [])
+    keys["assumed"] = (list[Literal[*_NUMBERS[kind]]], [])
     if part is Sensor:
         # Steps of an encoder in a turn, in place of its resolution.
         keys["counts"] = (Annotated[int | None, pydantic.Field(gt=0)], None)
@@ -87,7 +77,7 @@ def _key(
     default = item.default
     if default is MISSING:
         default = ...
-    if item.name in _UNITS[kind]:
+    if item.name in _NUMBERS[kind]:
         # Read later: the unit may depend on the system.
         return Any, (... if default is ... else None)
     if isinstance(default, tuple):
@@ -125,27 +115,8 @@ def unit_of(
     Raises:
         ArgumentError: If the system has no such state, input or joint.
     """
-    unit = _UNITS[kind][quantity]
-    if unit == "input":
-        return system.input.unit
-
-    if " or " in unit:
-        require_known("joint", of, system.joints)
-        of_hinge, of_slide = unit.split(" or ")
-        if system.states[system.joints.index(of)].unit == "m":
-            return of_slide
-        return of_hinge
-
-    if "{" not in unit:
-        return unit
-    owner = "state"
-    signals = system.states
-    if kind == "actuator":
-        owner = "input"
-        signals = system.inputs
-    units = {signal.name: signal.unit for signal in signals}
-    require_known(owner, of, units)
-    return unit.format(units[of])
+    bounds = range_of(_PARTS[kind], quantity)
+    return bounds.unit_in(system, of) if bounds else ""
 
 
 def loop_of_file(file: Any, system: System) -> Loop | None:
@@ -253,7 +224,7 @@ def _part(kind: str, table: Any, system: System) -> Any:
     for name in table.assumed:
         if name not in table.model_fields_set:
             raise ArgumentError(f"assumed: the table gives no {name}")
-    keywords.update(numbers_of(table, _UNITS[kind], lambda name: unit_of(kind, of, name, system)))
+    keywords.update(numbers_of(table, _NUMBERS[kind], lambda name: unit_of(kind, of, name, system)))
     if getattr(table, "counts", None) is not None:
         keywords["resolution"] = _step(table, system)
     return part(**keywords)

@@ -18,10 +18,10 @@ from pydantic import (
 
 from grosmc_mj.experiments.file.content import Content
 from grosmc_mj.experiments.file.parts import (
+    LOOP_NUMBERS,
     LOOP_PARTS,
-    LOOP_UNITS,
+    MACHINE_NUMBERS,
     MACHINE_PARTS,
-    MACHINE_UNITS,
     TABLES,
 )
 from grosmc_mj.experiments.logs.table import LogTable
@@ -513,7 +513,7 @@ QUANTITIES: dict[str, dict[str, str]] = {
     "start": {"value": ""},
     "parameter": {"scale": ""},
 }
-for _owner, _numbers in {**LOOP_UNITS, **MACHINE_UNITS}.items():
+for _owner, _numbers in {**LOOP_NUMBERS, **MACHINE_NUMBERS}.items():
     QUANTITIES[_owner] = dict.fromkeys(_numbers, "")
 _KINDS = ("uniform", "loguniform", "triangular", "normal", "lognormal")
 

@@ -13,11 +13,6 @@ from grosmc_mj.ground.errors import ModelError
 from grosmc_mj.ground.fields import Flag, Name, Range, checked
 from grosmc_mj.mechanics.machine.bounces import solref, spring_and_damper
 from grosmc_mj.mechanics.machine.part import (
-    ANGLE,
-    DAMPING,
-    FORCE,
-    INERTIA,
-    STIFFNESS,
     TOKEN,
     MachinePart,
     Oscillation,
@@ -30,6 +25,7 @@ from grosmc_mj.mechanics.physics.edit import HiddenState
 from grosmc_mj.mechanics.physics.edits import linear_polynomial, write_inertia
 from grosmc_mj.mechanics.physics.files import compile_spec
 from grosmc_mj.mechanics.physics.hidden_states import motor_joint
+from grosmc_mj.theory.plants.owner_units import ANGLE, DAMPING, FORCE, INERTIA, STIFFNESS
 
 # How far from an axis a centre is on it [m].
 _ON_AXIS = 1e-9

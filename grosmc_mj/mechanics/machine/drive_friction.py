@@ -26,20 +26,18 @@ from grosmc_mj.ground.compilation.jitable import jitable
 from grosmc_mj.ground.errors import ModelError
 from grosmc_mj.ground.fields import Name, Range, checked
 from grosmc_mj.mechanics.machine.part import (
-    DAMPING,
-    FORCE,
     LEAST,
     MOST,
-    SPEED,
     MachinePart,
     not_negative,
 )
 from grosmc_mj.mechanics.physics.dry_friction import set_dry_friction
 from grosmc_mj.mechanics.physics.hidden_states import motor_joint
+from grosmc_mj.theory.plants.owner_units import DAMPING, FORCE, SPEED, JointUnit
 
 # Of published servos the shares of a torque are 2e-6 to 0.26.
 _SHARE = Range(0, MOST, usual=(1e-7, 2))
-_QUADRATIC = Range(0, MOST, "N^-1 m^-1 or N^-1", usual=(1e-9, 1e3))
+_QUADRATIC = Range(0, MOST, JointUnit("N^-1 m^-1", "N^-1"), usual=(1e-9, 1e3))
 # Any power of a speed that is this many times v_s is a float, and exp(-power) is nothing.
 _FAST = 1e30
 # Friction is off with any of these.

@@ -11,16 +11,13 @@ from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, ModelError
 from grosmc_mj.ground.fields import Name, checked
 from grosmc_mj.mechanics.machine.part import (
-    DAMPING,
-    FORCE,
-    SPEED,
-    STIFFNESS,
     MachinePart,
     Oscillation,
     not_negative,
     positive,
 )
 from grosmc_mj.theory.plants import System
+from grosmc_mj.theory.plants.owner_units import DAMPING, FORCE, SPEED, STIFFNESS
 
 _IMPLICIT = (mujoco.mjtIntegrator.mjINT_IMPLICITFAST, mujoco.mjtIntegrator.mjINT_IMPLICIT)
 # Largest share by which an implicit integrator may slow what slides on bristles.

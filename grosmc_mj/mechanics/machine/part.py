@@ -11,7 +11,7 @@ import numpy as np
 
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ModelError
-from grosmc_mj.ground.fields import Range
+from grosmc_mj.ground.fields import OwnerUnit, Range
 from grosmc_mj.mechanics.physics.edit import Edit
 
 # Sizes of numbers, in any unit: beyond them is a slip, and squares leave what floats hold.
@@ -26,26 +26,18 @@ _SHORTEST = 1e-30
 # Share of the largest stable timestep: the rest is for the other motions.
 _SAFE = 0.9
 
-# Units of a joint's numbers: of a hinge, or of a slide.
-ANGLE = "rad or m"
-SPEED = "rad/s or m/s"
-FORCE = "N m or N"
-INERTIA = "kg m^2 or kg"
-STIFFNESS = "N m/rad or N/m"
-DAMPING = "N m s/rad or N s/m"
 
-
-def positive(unit: str = "", *, infinite: bool = False) -> Range:
+def positive(unit: str | OwnerUnit = "", *, infinite: bool = False) -> Range:
     """Range of a number above zero, or of a limit that may be infinite."""
     return Range(LEAST, MOST, unit, infinite=infinite)
 
 
-def not_negative(unit: str = "") -> Range:
+def not_negative(unit: str | OwnerUnit = "") -> Range:
     """Range of a number from zero on."""
     return Range(0, MOST, unit)
 
 
-def signed(unit: str = "") -> Range:
+def signed(unit: str | OwnerUnit = "") -> Range:
     """Range of a number of either sign."""
     return Range(-MOST, MOST, unit)
 

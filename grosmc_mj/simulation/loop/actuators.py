@@ -12,6 +12,7 @@ from grosmc_mj.ground.compilation.jitable import jitable
 from grosmc_mj.ground.fields import Name, Range, checked
 from grosmc_mj.simulation.loop.rows import ring_row, row_dtype
 from grosmc_mj.simulation.loop.sensors import quantized
+from grosmc_mj.theory.plants.owner_units import INPUT, INPUT_RATE
 
 
 @checked()
@@ -33,16 +34,16 @@ class Actuator:
     of: Name
     delay: Annotated[float, Range(0, unit="s"), "{ms:.4g} ms late"] = 0.0
     gain: Annotated[float, Range(), "gain of {value:.4g}"] = 1.0
-    resolution: Annotated[float, Range(0, unit="{}"), "steps of {value:.4g} {unit}"] = 0.0
+    resolution: Annotated[float, Range(0, unit=INPUT), "steps of {value:.4g} {unit}"] = 0.0
     limit: Annotated[
-        float, Range(0, unit="{}", above=True, infinite=True), "within {value:.4g} {unit}"
+        float, Range(0, unit=INPUT, above=True, infinite=True), "within {value:.4g} {unit}"
     ] = math.inf
     rate_limit: Annotated[
-        float, Range(0, unit="{}/s", above=True, infinite=True), "at most {value:.4g} {unit}/s"
+        float, Range(0, unit=INPUT_RATE, above=True, infinite=True), "at most {value:.4g} {unit}"
     ] = math.inf
     lag: Annotated[float, Range(0, unit="s"), "{lags} of {ms:.4g} ms"] = 0.0
     order: Annotated[int, Range(1, 2, whole=True)] = 1
-    dead_zone: Annotated[float, Range(0, unit="{}"), "dead up to {value:.4g} {unit}"] = 0.0
+    dead_zone: Annotated[float, Range(0, unit=INPUT), "dead up to {value:.4g} {unit}"] = 0.0
 
     def demanded(self, commands: Array) -> Array:
         """Return what the limit is applied to: commands times the gain, in steps, (N,)."""

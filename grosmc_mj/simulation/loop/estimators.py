@@ -21,6 +21,7 @@ from grosmc_mj.ground.refusals import refusal
 from grosmc_mj.simulation.loop.prediction import move_by_a_period
 from grosmc_mj.simulation.loop.rows import numbers_dtype
 from grosmc_mj.theory.control.matrices import copy
+from grosmc_mj.theory.plants.owner_units import FIRST_INPUT, STATE_RATE
 
 EstimatorLaw = Literal["difference", "filtered", "levant", "high-gain", "eso", "kalman"]
 KINDS = get_args(EstimatorLaw)
@@ -76,9 +77,9 @@ class Estimator:
     of: Annotated[tuple[str, ...], _States()]
     law: Annotated[EstimatorLaw, Known("estimator", KINDS)] = "difference"
     time_constant: Annotated[float, Range(0, unit="s", above=True)] | None = None
-    slope: Annotated[float, Range(0, unit="{}/s", above=True)] | None = None
+    slope: Annotated[float, Range(0, unit=STATE_RATE, above=True)] | None = None
     bandwidth: Annotated[float, Range(0, unit="rad/s", above=True)] | None = None
-    load: Annotated[float, Range(0, unit="input", above=True)] | None = None
+    load: Annotated[float, Range(0, unit=FIRST_INPUT, above=True)] | None = None
     settled: Flag = True
 
     def __post_init__(self) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, Mistakes, unknown_name
-from grosmc_mj.ground.fields import Items, Range, checked
+from grosmc_mj.ground.fields import Items, Range, checked, range_of
 from grosmc_mj.simulation.loop.actuators import Actuator
 from grosmc_mj.simulation.loop.computer import Computing
 from grosmc_mj.simulation.loop.counter import uniform
@@ -277,12 +277,9 @@ class Loop:
             system: System of the plant, with the units of its states and inputs.
         """
         lines = []
-        for kind, part in self.parts:
-            signals = system.inputs if kind == "actuator" else system.states
-            units = {signal.name: signal.unit for signal in signals}
+        for _, part in self.parts:
             names = _names(part)
-            unit = units[names[0]] if names else ""
-            words = ", ".join(_words(part, unit))
+            words = ", ".join(_words(part, system, names[0] if names else ""))
             if words:
                 lines.append(f"{', '.join(names) or 'computer'}: {words}")
         return lines
@@ -296,7 +293,7 @@ def _names(part: Part) -> tuple[str, ...]:
     return names
 
 
-def _words(part: Part, unit: str) -> Iterator[str]:
+def _words(part: Part, system: System, of: str) -> Iterator[str]:
     """Description of each number that is not ideal, by the text in its annotation."""
     if isinstance(part, Estimator):
         words = f"estimated by {part.law}"
@@ -312,9 +309,10 @@ def _words(part: Part, unit: str) -> Iterator[str]:
         value = getattr(part, name)
         if not texts or value == getattr(type(part), name) or not math.isfinite(value):
             continue
+        bounds = range_of(type(part), name)
         yield texts[0].format(
             value=value,
-            unit=unit,
+            unit=bounds.unit_in(system, of) if bounds else "",
             ms=1e3 * value,
             percent=100 * value,
             lags=lags,

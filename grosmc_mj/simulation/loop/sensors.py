@@ -11,6 +11,7 @@ from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.ground.fields import Flag, Name, Range, checked
 from grosmc_mj.simulation.loop.counter import normal
 from grosmc_mj.simulation.loop.rows import ring_row, row_dtype
+from grosmc_mj.theory.plants.owner_units import STATE, STATE_RATE
 
 # A float64 cannot tell whole multiples beyond this apart.
 _EXACT = 2.0**52
@@ -38,12 +39,12 @@ class Sensor:
     """
 
     of: Name
-    resolution: Annotated[float, Range(0, unit="{}"), "steps of {value:.4g} {unit}"] = 0.0
+    resolution: Annotated[float, Range(0, unit=STATE), "steps of {value:.4g} {unit}"] = 0.0
     phase: Annotated[float, Range(-0.5, 0.5), "phase of {value:.4g} steps"] = 0.0
     scale: Annotated[float, Range(), "scale of {value:.4g}"] = 1.0
-    noise: Annotated[float, Range(0, unit="{}"), "noise of {value:.4g} {unit}"] = 0.0
-    bias: Annotated[float, Range(unit="{}"), "bias of {value:.4g} {unit}"] = 0.0
-    drift: Annotated[float, Range(unit="{}/s"), "drift of {value:.4g} {unit}/s"] = 0.0
+    noise: Annotated[float, Range(0, unit=STATE), "noise of {value:.4g} {unit}"] = 0.0
+    bias: Annotated[float, Range(unit=STATE), "bias of {value:.4g} {unit}"] = 0.0
+    drift: Annotated[float, Range(unit=STATE_RATE), "drift of {value:.4g} {unit}"] = 0.0
     delay: Annotated[float, Range(0, unit="s"), "{ms:.4g} ms old"] = 0.0
     period: Annotated[float, Range(0, unit="s"), "every {ms:.4g} ms"] = 0.0
     exact: Flag = False
