@@ -23,8 +23,8 @@ from grosmc_mj.mechanics.physics.mujoco_plant import Integrator
 from grosmc_mj.output.films.offscreen import without_graphics
 from grosmc_mj.studies.campaign.batch import Batch
 from grosmc_mj.studies.campaign.campaign import Campaign
+from grosmc_mj.studies.campaign.folder import Folder
 from grosmc_mj.studies.campaign.specification import specification_of
-from grosmc_mj.studies.campaign.store import Folder
 from grosmc_mj.studies.campaign.work import part_runner
 from grosmc_mj.studies.sweep.runs import measurements_of, prepare_run
 

@@ -12,9 +12,9 @@ from commands import run as run
 
 from grosmc_mj.ground.errors import GrosmcError
 from grosmc_mj.studies.campaign.campaign import Campaign
+from grosmc_mj.studies.campaign.folder import Folder
 from grosmc_mj.studies.campaign.parts import checksum
 from grosmc_mj.studies.campaign.specification import Specification
-from grosmc_mj.studies.campaign.store import Folder
 from grosmc_mj.studies.campaign.work import part_runner
 
 PLANT = """

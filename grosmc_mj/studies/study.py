@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -16,9 +14,9 @@ from grosmc_mj.experiments.case_document import case_document
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.user_code import named_in, sources
 from grosmc_mj.ground.executors import Notice
-from grosmc_mj.ground.files import atomic_write
 from grosmc_mj.ground.versions import source_digest, versions
 from grosmc_mj.output.results.document import json_text
+from grosmc_mj.studies.pieces import Piece, PieceStore, Rows
 from grosmc_mj.studies.target import Condition
 
 AnyRow = TypeVar("AnyRow", bound=BaseModel)
@@ -50,6 +48,11 @@ class StudyCell(Generic[AnyRow]):
     depends_on: str
     measure: Callable[[Advance], AnyRow]
 
+    @property
+    def piece(self) -> Piece:
+        """The cell among stored pieces."""
+        return Piece.named_by([self.depends_on, self.key], f"{self.name} of this study")
+
 
 def dependencies(configuration: Any, conditions: Sequence[Condition]) -> str:
     """Return all that the rows of a study depend on, as JSON: cases, models, versions and code.
@@ -75,10 +78,8 @@ def _show_nothing(text: str = "", by: int = 1) -> None:
 class CellRunner(Generic[AnyRow]):
     """Reads the rows of finished cells, measures the others, stores them and shows progress.
 
-    Each row has a file, whose name is a hash of all that the row depends on.
-
     Attributes:
-        folder: Folder of the files.
+        folder: Folder of the rows.
         kind: Class of the rows.
         resume: Whether rows that lie there are read; else all are measured.
         progress: Called for each cell that is done, and with the course of a measurement.
@@ -105,28 +106,26 @@ class CellRunner(Generic[AnyRow]):
         return row
 
     def read(self, cell: StudyCell[AnyRow]) -> AnyRow | None:
-        """Return the row of a cell; None if it is missing or cannot be read."""
+        """Return the stored row of a cell; None if it is missing, or no row is to be read.
+
+        Raises:
+            SetupError: If its file is damaged.
+        """
         if not self.resume:
             return None
-        try:
-            content = json.loads(self._path(cell).read_text(encoding="utf-8"))
-            return self.kind.model_validate(content)
-        except (OSError, ValueError):
-            return None
+        return self._store.read(cell.piece)
 
     def write(self, cell: StudyCell[AnyRow], row: AnyRow) -> None:
-        """Write the row of a cell aside and rename it.
+        """Store the row of a cell.
 
         Raises:
             SetupError: If it cannot be written.
         """
-        with atomic_write(self._path(cell)) as part:
-            # Not by `json_text`, which writes infinite numbers as null.
-            part.write_text(json.dumps(row.model_dump()), encoding="utf-8")
+        self._store.write(cell.piece, row)
 
-    def _path(self, cell: StudyCell[AnyRow]) -> Path:
-        name = hashlib.sha256(json.dumps([cell.depends_on, cell.key]).encode()).hexdigest()
-        return self.folder / f"{name[:32]}.json"
+    @property
+    def _store(self) -> PieceStore[AnyRow]:
+        return PieceStore(self.folder, Rows(self.kind))
 
 
 class Study(ABC, Generic[AnyRow]):

@@ -18,11 +18,12 @@ from grosmc_mj.studies.campaign.drivers import (
     drivers_table,
     sensitivities,
 )
+from grosmc_mj.studies.campaign.folder import Folder
 from grosmc_mj.studies.campaign.manifest import result_of
 from grosmc_mj.studies.campaign.paired import PairedDifference, paired, paired_table
 from grosmc_mj.studies.campaign.screening import ScreeningSummary, screening_sentences
-from grosmc_mj.studies.campaign.store import Folder
 from grosmc_mj.studies.campaign.work import run_missing
+from grosmc_mj.studies.pieces import held
 from grosmc_mj.studies.sweep.family import SCREENING
 from grosmc_mj.studies.sweep.margin_summary import MarginSummary, margin_summary, margins_table
 from grosmc_mj.studies.sweep.pass_rates import PassRate, pass_rate, pass_rates_table, rate_shown
@@ -205,7 +206,7 @@ def run_campaign(
         SetupError: If it cannot be written.
     """
     kept = Folder(Path(folder))
-    with kept.held():
+    with held(kept.path):
         kept.begin(campaign, resume=resume)
         executor = make_executor("batch")
         run_missing(campaign, kept, executor, lambda line: None, lambda runs, rates: None)

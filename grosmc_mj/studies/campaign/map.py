@@ -17,8 +17,8 @@ from grosmc_mj.output.charts.figure import figure_written, in_lines
 from grosmc_mj.output.palette import BLACK, SKY, VERMILION, law_styles
 from grosmc_mj.studies.campaign.campaign import Campaign
 from grosmc_mj.studies.campaign.findings import Findings
+from grosmc_mj.studies.campaign.folder import Folder
 from grosmc_mj.studies.campaign.radius import Radius, chart
-from grosmc_mj.studies.campaign.store import Folder
 from grosmc_mj.studies.sweep.quantities import Quantity
 
 # Inches: a panel, the legend beside the panels, the texts above and below them.

@@ -1,28 +1,26 @@
-"""Rows of a part of a campaign as a table: columns, units, checksum, verification."""
+"""Rows of a part of a campaign as a table: columns, units, checksum."""
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from grosmc_mj.experiments.requirements.metrics import stored_metrics
-from grosmc_mj.ground.errors import SetupError
 from grosmc_mj.studies.campaign.campaign import Campaign
 from grosmc_mj.studies.campaign.manifest import SCHEMA_VERSION
+from grosmc_mj.studies.pieces import CHECKSUM, Piece
 from grosmc_mj.studies.sweep.family import SCREENING
 from grosmc_mj.studies.sweep.runs import MARGIN, Outcomes
 
-# Key of a part's metadata, and the checksum in it.
+# Key of a part's metadata.
 _METADATA = b"grosmc_mj"
-_CHECKSUM = "sha256"
 
 
 def rows_of(campaign: Campaign, table: pa.Table, controller: str) -> pa.Table:
@@ -32,20 +30,38 @@ def rows_of(campaign: Campaign, table: pa.Table, controller: str) -> pa.Table:
     return table.slice(position * runs, runs)
 
 
-def part_table(
-    campaign: Campaign,
-    bound_to: str,
-    index: int,
-    runs: Sequence[Outcomes],
-) -> pa.Table:
-    """Return the rows of a part: the runs of one controller after those of another.
+def part_of(campaign: Campaign, bound_to: str, index: int) -> Piece:
+    """Return a part of a campaign as a piece of stored work.
 
-    The schema's metadata binds them to their campaign and has nothing of when or where they were
-    computed, so that a part that is run again is the same to the last byte.
+    Its notes bind it to the campaign and have nothing of when or where it was computed, so that a
+    part that is run again is the same to the last byte.
 
     Args:
         campaign: The campaign.
         bound_to: Hash of its manifest.
+        index: Number of the part.
+    """
+    ids = campaign.specification.ids(index)
+    notes = {
+        "schema_version": SCHEMA_VERSION,
+        "campaign": bound_to,
+        "part": index,
+        "first": ids.start,
+        "count": len(ids),
+    }
+    return Piece(part_name(index), notes, f"part {index} of this campaign")
+
+
+def part_name(index: int) -> str:
+    """Return the name of the file of a part, without suffix."""
+    return f"part-{index:07d}"
+
+
+def part_rows(campaign: Campaign, index: int, runs: Sequence[Outcomes]) -> pa.Table:
+    """Return the rows of a part: the runs of one controller after those of another.
+
+    Args:
+        campaign: The campaign.
         index: Number of the part.
         runs: Outcomes of its plants under each controller, with the columns of ``SCREENING``.
     """
@@ -58,10 +74,33 @@ def part_table(
         columns = {**outcomes.columns, **of_plants, "controller": [law] * len(ids)}
         arrays = [pa.array(columns[field.name], field.type) for field in schema]
         tables.append(pa.Table.from_arrays(arrays, schema=schema))
-    table = pa.concat_tables(tables)
-    notes = _notes(campaign, bound_to, index)
-    checked = {**notes, _CHECKSUM: checksum(table, notes)}
-    return table.replace_schema_metadata({_METADATA: json.dumps(checked)})
+    return pa.concat_tables(tables)
+
+
+class ParquetForm:
+    """Tables in Parquet; the notes are metadata of the schema."""
+
+    suffix = ".parquet"
+
+    def save(self, file: BinaryIO, content: pa.Table, notes: Mapping[str, Any]) -> None:
+        """Write a table with its notes and a checksum of both."""
+        checked = {**notes, CHECKSUM: checksum(content, notes)}
+        table = content.replace_schema_metadata({_METADATA: json.dumps(checked)})
+        pq.write_table(table, file, compression="zstd")
+
+    def load(self, path: Path) -> tuple[pa.Table, dict[str, Any]]:
+        """Return a table and its notes; raises ValueError if it is not as it was written."""
+        try:
+            table = pq.ParquetFile(path).read()
+        except pa.ArrowException as error:
+            raise ValueError(f"{path} is no table") from error
+
+        notes = json.loads((table.schema.metadata or {})[_METADATA])
+        written = notes.pop(CHECKSUM)
+        with np.errstate(invalid="ignore"):
+            if written != checksum(table, notes):
+                raise ValueError("another checksum")
+        return table, notes
 
 
 def checksum(table: pa.Table, notes: Mapping[str, Any]) -> str:
@@ -87,18 +126,6 @@ def checksum(table: pa.Table, notes: Mapping[str, Any]) -> str:
         else:
             digest.update(json.dumps(column.to_pylist()).encode())
     return digest.hexdigest()
-
-
-def _notes(campaign: Campaign, bound_to: str, index: int) -> dict[str, Any]:
-    """The campaign of a part, and its place there."""
-    ids = campaign.specification.ids(index)
-    return {
-        "schema_version": SCHEMA_VERSION,
-        "campaign": bound_to,
-        "part": index,
-        "first": ids.start,
-        "count": len(ids),
-    }
 
 
 def _schema(campaign: Campaign) -> pa.Schema:
@@ -137,35 +164,3 @@ def _units(campaign: Campaign) -> dict[str, str]:
     if campaign.specification.screen != "none":
         units |= SCREENING
     return units
-
-
-def verified(
-    file: Path,
-    campaign: Campaign,
-    bound_to: str,
-    index: int,
-) -> pa.Table:
-    """Return the rows of a part, verified to be those of this part of this campaign.
-
-    Args:
-        file: File of the part.
-        campaign: The campaign.
-        bound_to: Hash of its manifest.
-        index: Number of the part.
-
-    Raises:
-        SetupError: If the part is damaged, or is another one.
-    """
-    notes = _notes(campaign, bound_to, index)
-    unreadable = (OSError, pa.ArrowException, ValueError, TypeError, LookupError)
-    with contextlib.suppress(*unreadable), np.errstate(invalid="ignore"):
-        # A pipe would never end.
-        if file.is_file():
-            table = pq.ParquetFile(file).read()
-            written = json.loads((table.schema.metadata or {})[_METADATA])
-            if written == {**notes, _CHECKSUM: checksum(table, notes)}:
-                return table
-    raise SetupError(
-        f"{file} is damaged, or is not part {index} of this campaign: remove it, and --resume runs "
-        "it again"
-    )

@@ -21,10 +21,10 @@ from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, SetupError
 from grosmc_mj.studies.campaign.campaign import Campaign
+from grosmc_mj.studies.campaign.folder import Folder
 from grosmc_mj.studies.campaign.radius import RADIUS
 from grosmc_mj.studies.campaign.screening import EQUATIONS
 from grosmc_mj.studies.campaign.specification import Specification
-from grosmc_mj.studies.campaign.store import Folder
 from grosmc_mj.studies.campaign.worst import WORST
 from grosmc_mj.studies.sweep.quantities import written
 

@@ -10,12 +10,12 @@ from pathlib import Path
 
 from grosmc_mj.ground.executors import Executor, Notice
 from grosmc_mj.studies.campaign.campaign import Campaign
+from grosmc_mj.studies.campaign.folder import Folder
 from grosmc_mj.studies.campaign.manifest import read_manifest
 from grosmc_mj.studies.campaign.opening import open_campaign
-from grosmc_mj.studies.campaign.parts import part_table
+from grosmc_mj.studies.campaign.parts import part_rows
 from grosmc_mj.studies.campaign.screening import UNSCREENED, Screening, screened_all, screening_of
 from grosmc_mj.studies.campaign.specification import Specification
-from grosmc_mj.studies.campaign.store import Folder
 
 # Number of runs done and, by law, the share of these that keeps everything so far.
 Advance = Callable[[int, dict[str, float]], object]
@@ -106,7 +106,8 @@ def run_part(
     """
     campaign = open_campaign(folder, specification, bound_to)
     runs = screened_all(campaign, screening, campaign.laws, specification.ids(index), threads)
-    Folder(Path(folder)).write(index, part_table(campaign, bound_to, index, runs))
+    rows = part_rows(campaign, index, runs)
+    Folder(Path(folder)).write(campaign, bound_to, index, rows)
 
     passed: dict[str, int] = {}
     for law, outcomes in zip(campaign.laws, runs, strict=True):

@@ -17,7 +17,7 @@ from grosmc_mj.cli import screen
 from grosmc_mj.cli.commands.campaign.command import CampaignCommand
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.studies.campaign import map as maps
-from grosmc_mj.studies.campaign.store import Folder
+from grosmc_mj.studies.pieces import held
 from grosmc_mj.studies.sweep.runs import Row, run_rows
 
 TEXT = servo(laws=LQR, limits=DEVIATION)
@@ -225,8 +225,8 @@ def test_a_second_campaign_waits_for_the_first(
     more: tuple[str, ...], file: Path, tmp_path: Path, capsys: Screen
 ) -> None:
     eight = ("campaign", file, "--runs", "8", "--out", tmp_path, "--no-figures")
-    with Folder(tmp_path).held():
-        assert "another grosmc-mj campaign adds parts to it" in wrong(capsys, *eight, *more)
+    with held(tmp_path):
+        assert "another grosmc-mj adds to it" in wrong(capsys, *eight, *more)
         assert [path.name for path in tmp_path.iterdir()] == [".lock"]
 
 

@@ -18,11 +18,11 @@ from grosmc_mj.output.results.tables import WIDTH
 from grosmc_mj.studies.campaign.campaign import Campaign
 from grosmc_mj.studies.campaign.drivers import LEVEL, Sensitivity, drivers_table, sensitivities
 from grosmc_mj.studies.campaign.findings import Findings, campaign_result, findings, findings_tables
+from grosmc_mj.studies.campaign.folder import Folder
 from grosmc_mj.studies.campaign.map import PassMap, map_axes, write_pass_map
 from grosmc_mj.studies.campaign.paired import paired, paired_table
 from grosmc_mj.studies.campaign.promise import Promise
 from grosmc_mj.studies.campaign.radius import Radius, ScaleTrial, chart
-from grosmc_mj.studies.campaign.store import Folder
 from grosmc_mj.studies.sweep.margin_summary import margin_summary, margins_table
 from grosmc_mj.studies.sweep.pass_rates import pass_rate, pass_rates_table
 from grosmc_mj.studies.sweep.runs import COMPLETED

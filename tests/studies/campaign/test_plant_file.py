@@ -30,9 +30,9 @@ from grosmc_mj.experiments.requirements.metrics import DEFINITIONS
 from grosmc_mj.ground.units import number_in
 from grosmc_mj.studies.campaign.batch import Batch
 from grosmc_mj.studies.campaign.campaign import Campaign
+from grosmc_mj.studies.campaign.folder import Folder
 from grosmc_mj.studies.campaign.plant_file import ChosenPlant, case_text, find_plant, searched_plant
 from grosmc_mj.studies.campaign.screening import screening_of
-from grosmc_mj.studies.campaign.store import Folder
 from grosmc_mj.studies.campaign.work import part_runner
 from grosmc_mj.studies.sweep.quantities import written
 from grosmc_mj.studies.sweep.runs import MARGIN, Outcomes, Row, run_rows

@@ -22,6 +22,7 @@ from grosmc_mj.studies.campaign.findings import (
     run_campaign,
     screening_sentences,
 )
+from grosmc_mj.studies.campaign.folder import Folder
 from grosmc_mj.studies.campaign.plant_file import find_plant
 from grosmc_mj.studies.campaign.screening import (
     EQUATIONS,
@@ -33,7 +34,6 @@ from grosmc_mj.studies.campaign.screening import (
     screened_search,
     screening_of,
 )
-from grosmc_mj.studies.campaign.store import Folder
 from grosmc_mj.studies.sweep import runs as runs_module
 from grosmc_mj.studies.sweep.confirmation import FACTOR, LEAST_BAND
 from grosmc_mj.studies.sweep.family import random_points

@@ -35,10 +35,10 @@ from grosmc_mj.studies.campaign import manifest
 from grosmc_mj.studies.campaign.batch import evaluate
 from grosmc_mj.studies.campaign.campaign import Campaign
 from grosmc_mj.studies.campaign.findings import findings, run_campaign
+from grosmc_mj.studies.campaign.folder import Folder
 from grosmc_mj.studies.campaign.manifest import manifest_of, read_manifest
 from grosmc_mj.studies.campaign.opening import open_campaign, read_campaign
 from grosmc_mj.studies.campaign.parts import checksum
-from grosmc_mj.studies.campaign.store import Folder
 from grosmc_mj.studies.campaign.work import run_missing, run_part
 
 

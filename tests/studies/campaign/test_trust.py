@@ -28,10 +28,10 @@ from grosmc_mj import cli
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.user_code import named_in, sources
 from grosmc_mj.studies.campaign.campaign import Campaign
+from grosmc_mj.studies.campaign.folder import Folder
 from grosmc_mj.studies.campaign.manifest import read_manifest
 from grosmc_mj.studies.campaign.opening import open_campaign, read_campaign
 from grosmc_mj.studies.campaign.specification import Specification
-from grosmc_mj.studies.campaign.store import Folder
 from grosmc_mj.studies.campaign.work import run_part
 
 BUMP = """

@@ -174,11 +174,12 @@ class CampaignCommand(Command):
             findings,
             keeps_enough,
         )
+        from grosmc_mj.studies.campaign.folder import Folder
         from grosmc_mj.studies.campaign.manifest import read_manifest, refuse_other_code
         from grosmc_mj.studies.campaign.map import write_figures
         from grosmc_mj.studies.campaign.radius import RADIUS, radius_result
-        from grosmc_mj.studies.campaign.store import Folder
         from grosmc_mj.studies.campaign.worst import WORST, worst_result
+        from grosmc_mj.studies.pieces import held
         from grosmc_mj.studies.sweep.sampled import ALL
 
         specification = self._specification()
@@ -189,7 +190,7 @@ class CampaignCommand(Command):
         self._refuse_axes(campaign.family.names)
         executor = make_executor(self.executor, workers=self.workers, scheduler=self.scheduler)
 
-        with folder.held():
+        with held(folder.path):
             lines = folder.begin(campaign, resume=self.resume)
             for line in (*lines, *notices(campaign)):
                 screen.notice(line)
@@ -221,8 +222,8 @@ class CampaignCommand(Command):
         Raises:
             ArgumentError: If the target is a campaign's folder, or a number does not fit.
         """
+        from grosmc_mj.studies.campaign.folder import Folder
         from grosmc_mj.studies.campaign.specification import specification_of
-        from grosmc_mj.studies.campaign.store import Folder
 
         if Folder(Path(self.target)).begun:
             raise ArgumentError(

@@ -10,9 +10,9 @@ from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.streams import PROGRAM
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.ground.files import atomic_write
+from grosmc_mj.studies.campaign.folder import Folder
 from grosmc_mj.studies.campaign.opening import read_campaign
 from grosmc_mj.studies.campaign.plant_file import case_text, find_plant
-from grosmc_mj.studies.campaign.store import Folder
 
 
 def write_plant(

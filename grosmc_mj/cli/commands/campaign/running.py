@@ -11,8 +11,8 @@ from grosmc_mj.ground.executors import Executor
 from grosmc_mj.studies.campaign import work
 from grosmc_mj.studies.campaign.campaign import Campaign
 from grosmc_mj.studies.campaign.findings import Findings
+from grosmc_mj.studies.campaign.folder import Folder
 from grosmc_mj.studies.campaign.radius import Radius, radius
-from grosmc_mj.studies.campaign.store import Folder
 from grosmc_mj.studies.campaign.worst import WorstPlant, worst
 
 

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
-import errno
-import fcntl
-import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.ground.errors import ArgumentError, SetupError
-from grosmc_mj.ground.files import atomic_write, cannot_write
+from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.output.results.document import write_json
 from grosmc_mj.studies.campaign.campaign import Campaign
 from grosmc_mj.studies.campaign.manifest import (
@@ -25,10 +19,8 @@ from grosmc_mj.studies.campaign.manifest import (
     other_campaign,
     read_manifest,
 )
-from grosmc_mj.studies.campaign.parts import rows_of, verified
-
-# Errors of a file system that has no locks.
-_NO_LOCKS = (errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK)
+from grosmc_mj.studies.campaign.parts import ParquetForm, part_name, part_of, rows_of
+from grosmc_mj.studies.pieces import PieceStore
 
 
 @dataclass(frozen=True)
@@ -41,9 +33,14 @@ class Folder:
 
     path: Path
 
+    @property
+    def store(self) -> PieceStore[pa.Table]:
+        """Store of its parts."""
+        return PieceStore(self.path / "parts", ParquetForm())
+
     def part(self, index: int) -> Path:
         """Return the file of a part."""
-        return self.path / "parts" / f"part-{index:07d}.parquet"
+        return self.store.folder / f"{part_name(index)}{ParquetForm.suffix}"
 
     def missing(self, campaign: Campaign) -> list[int]:
         """Return the numbers of the parts that are not there."""
@@ -54,33 +51,6 @@ class Folder:
     def begun(self) -> bool:
         """Whether a campaign is there."""
         return (self.path / MANIFEST).exists()
-
-    @contextlib.contextmanager
-    def held(self) -> Iterator[None]:
-        """Keep other processes from adding parts until the end; it ends with the process, too.
-
-        Raises:
-            SetupError: If another process holds it, or it cannot be written.
-        """
-        path = self.path / ".lock"
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-            lock = path.open("a+b", buffering=0)
-        except OSError as error:
-            raise cannot_write(path, error) from error
-
-        with lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                raise SetupError(
-                    f"{self.path}: another grosmc-mj campaign adds parts to it: wait for its end, "
-                    "or take another --out"
-                ) from None
-            except OSError as error:
-                if error.errno not in _NO_LOCKS:
-                    raise cannot_write(path, error) from error
-            yield
 
     def begin(self, campaign: Campaign, *, resume: bool) -> list[str]:
         """Write the manifest, or compare it with the one there and verify all parts that are there.
@@ -120,23 +90,22 @@ class Folder:
         # Reading verifies.
         for _ in self.tables(campaign, range(campaign.specification.shards)):
             pass
-        # Files of parts that were never finished.
-        for unfinished in parts.glob(".part-*.part.parquet"):
-            with contextlib.suppress(OSError):
-                unfinished.unlink()
+        self.store.remove_unfinished()
         return [f"{text}: the campaign was run with that" for text in other_versions]
 
-    def write(self, index: int, table: pa.Table) -> None:
-        """Write a part aside and rename it.
+    def write(self, campaign: Campaign, bound_to: str, index: int, rows: pa.Table) -> None:
+        """Store a part.
+
+        Args:
+            campaign: The campaign.
+            bound_to: Hash of its manifest.
+            index: Number of the part.
+            rows: Its rows.
 
         Raises:
             SetupError: If it cannot be written.
         """
-        # A worker that was given up may still be at the same part: each has a file of its own.
-        with atomic_write(self.part(index)) as part, part.open("wb") as file:
-            pq.write_table(table, file, compression="zstd")
-            file.flush()
-            os.fsync(file.fileno())
+        self.store.write(part_of(campaign, bound_to, index), rows)
 
     def tables(self, campaign: Campaign, indices: Iterable[int]) -> Iterator[pa.Table]:
         """Yield the rows of those parts that are there, each verified as it is read.
@@ -146,8 +115,9 @@ class Folder:
         """
         bound_to = read_manifest(self.path)["hash"]
         for index in indices:
-            if self.part(index).exists():
-                yield verified(self.part(index), campaign, bound_to, index)
+            rows = self.store.read(part_of(campaign, bound_to, index))
+            if rows is not None:
+                yield rows
 
     def columns(
         self, campaign: Campaign, names: Sequence[str], indices: Iterable[int]
