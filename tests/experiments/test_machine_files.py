@@ -23,7 +23,7 @@ from grosmc_mj.mechanics.machine import (
     Wall,
 )
 from grosmc_mj.mechanics.physics.edits import BodyEdit, InputEdit, JointEdit
-from grosmc_mj.mechanics.robots.dynamics import bias
+from grosmc_mj.mechanics.robots.nominal import bias
 
 DEGREE = math.pi / 180
 

@@ -31,7 +31,7 @@ from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.ground.units import rate_unit
 from grosmc_mj.mechanics.physics.hooks import warnings_counted_only
 from grosmc_mj.mechanics.robots.coordinates import RobotCoordinates
-from grosmc_mj.mechanics.robots.dynamics import bias, inertia
+from grosmc_mj.mechanics.robots.nominal import bias, inertia
 from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.theory.control.controller import Controller
 from grosmc_mj.theory.control.reaching import gain_margin

@@ -1,4 +1,4 @@
-"""Joint errors of a robot as the state of a law, by MuJoCo's dynamics of a nominal model."""
+"""Joint errors of a robot as the state of a law, by the dynamics of its nominal links."""
 
 from __future__ import annotations
 
@@ -15,13 +15,8 @@ from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.compilation.jitable import jitable
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.mechanics.physics.mjdata import forward
-from grosmc_mj.mechanics.robots.dynamics import (
-    NominalData,
-    bias,
-    forward_dynamics,
-    inertia,
-    inverse_dynamics,
-)
+from grosmc_mj.mechanics.robots.nominal import bias, inertia
+from grosmc_mj.mechanics.robots.rigid_bodies import forward_dynamics, inverse_dynamics
 from grosmc_mj.theory.control.coordinates.base import Chains, InputMap, OutputCoordinates, StateMap
 from grosmc_mj.theory.control.coordinates.design_model import Advance, DesignModel
 from grosmc_mj.theory.control.lqr import LqrDesign
@@ -37,7 +32,7 @@ class RobotCoordinates(OutputCoordinates):
     singular. The feedback (44) is the computed torque.
 
     Attributes:
-        model: The nominal model of the dynamics, see ``nominal_model``.
+        model: The nominal model in MuJoCo, of the same links, for whole trajectories.
     """
 
     model: mujoco.MjModel
@@ -72,14 +67,15 @@ class RobotCoordinates(OutputCoordinates):
         """Jitable (t, x, p, z): write z."""
         reference = self.reference
         sign = float(self.sign)
-        order = self._order
-        lower = self.lower
+        joints = self.inputs
 
-        # Nested here and below, for numba takes these as constants.
+        # Nested here and below, for numba takes these as constants. Of each joint the reference
+        # gives position, rate and acceleration.
         def error_state(t: float, x: Any, p: Any, z: Any) -> None:
             y_r = reference(t, p.reference)
-            for i in range(len(z)):
-                z[i] = sign * (x[order[i]] - y_r[lower[i]])
+            for i in range(joints):
+                z[2 * i] = sign * (x[i] - y_r[3 * i])
+                z[2 * i + 1] = sign * (x[joints + i] - y_r[3 * i + 1])
 
         return jitable(error_state)
 
@@ -88,12 +84,11 @@ class RobotCoordinates(OutputCoordinates):
         """Jitable (t, v, p, a): a = sign v + y_r'', (n,); a may be v."""
         reference = self.reference
         sign = float(self.sign)
-        highest = self._highest
 
         def accelerations(t: float, v: Any, p: Any, a: Any) -> None:
             y_r = reference(t, p.reference)
             for i in range(len(a)):
-                a[i] = sign * v[i] + y_r[highest[i]]
+                a[i] = sign * v[i] + y_r[3 * i + 2]
 
         return jitable(accelerations)
 
@@ -101,18 +96,13 @@ class RobotCoordinates(OutputCoordinates):
     def feedback(self) -> InputMap:
         """Jitable (t, x, v, memory, p, u): u = M(q) (sign v + y_r'') + h(q, q') - passive.
 
-        It is defined everywhere, for a run that has its workspace: see ``Controller.begin``.
+        It is defined everywhere.
         """
         accelerations = self.accelerations
 
         def feedback(t: float, x: Any, v: Any, memory: Any, p: Any, u: Any) -> None:
-            if memory.workspace == 0.0:
-                memory.undefined = 1.0
-                for i in range(len(u)):
-                    u[i] = 0.0
-                return
             accelerations(t, v, p, u)
-            inverse_dynamics(memory.workspace, x, u, u)
+            inverse_dynamics(p.plant, x, u, u)
 
         return jitable(feedback)
 
@@ -121,24 +111,14 @@ class RobotCoordinates(OutputCoordinates):
         """Jitable (t, x, u, memory, p, v): v = sign (M^-1 (u - h + passive) - y_r'')."""
         reference = self.reference
         sign = float(self.sign)
-        highest = self._highest
 
         def virtual_input(t: float, x: Any, u: Any, memory: Any, p: Any, v: Any) -> None:
-            if memory.workspace == 0.0:
-                memory.undefined = 1.0
-                for i in range(len(v)):
-                    v[i] = 0.0
-                return
-            forward_dynamics(memory.workspace, x, u, v)
+            forward_dynamics(p.plant, x, u, v)
             y_r = reference(t, p.reference)
             for i in range(len(v)):
-                v[i] = sign * (v[i] - y_r[highest[i]])
+                v[i] = sign * (v[i] - y_r[3 * i + 2])
 
         return jitable(virtual_input)
-
-    def workspace(self, p: Any) -> NominalData:
-        """Make an mjData of the nominal model, for one run."""
-        return NominalData(self.model)
 
     def dynamics_along(self, t: Sequence[float], x: Array, p: Any) -> tuple[Array, Array]:
         """Terms alpha and E of z' along a trajectory, see ``OutputCoordinates``."""

@@ -16,8 +16,10 @@ from grosmc_mj.mechanics.physics.hooks import warnings_ignored
 from grosmc_mj.mechanics.physics.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.mechanics.robots.actuators import joint_unit
 from grosmc_mj.mechanics.robots.coordinates import RobotCoordinates
-from grosmc_mj.mechanics.robots.dynamics import InWorkspace, nominal_model
+from grosmc_mj.mechanics.robots.links import rigid_bodies
 from grosmc_mj.mechanics.robots.model import robot_specs
+from grosmc_mj.mechanics.robots.nominal import nominal_model
+from grosmc_mj.mechanics.robots.rigid_bodies import RigidBodies
 from grosmc_mj.theory.control.references import ReferenceFunction
 from grosmc_mj.theory.control.task import Task
 from grosmc_mj.theory.plants import AnalyticPlant, Signal, System
@@ -90,8 +92,17 @@ class Robot:
 
     @cached_property
     def nominal(self) -> mujoco.MjModel:
-        """The model of the dynamics that the laws know."""
+        """The dynamics that the laws know, as a model in MuJoCo."""
         return nominal_model(self.plant.spec)
+
+    @cached_property
+    def bodies(self) -> RigidBodies:
+        """The dynamics that the laws know, as their numbers.
+
+        Raises:
+            ModelError: If a damper or spring of a joint is not linear.
+        """
+        return rigid_bodies(self.nominal)
 
     def task(
         self,
@@ -117,7 +128,7 @@ class Robot:
                 f"{system.name} has {len(system.inputs)} torques for {self.joints} joints, so its "
                 "joints cannot all be led: take a state_task"
             )
-        nominal = AnalyticPlant(system, InWorkspace())
+        nominal = AnalyticPlant(system, self.bodies)
         return Task(nominal, self.coordinates(reference), parameters, Q, R)
 
     def coordinates(self, reference: ReferenceFunction) -> RobotCoordinates:

@@ -193,17 +193,14 @@ def fourier_series(outputs: int, harmonics: int) -> ReferenceFunction:
         outputs: Number of outputs, m.
         harmonics: Number of harmonics of each.
     """
-    rows = 3 * outputs
-
     # The functions are nested because numba compiles sizes that a closure fixes.
     def entry(
-        row: int,
+        i: int,
+        order: int,
         c: float,
         s: float,
         p: Any,
     ) -> float:
-        i = row // 3
-        order = row % 3
         # cos(k w t) and sin(k w t) follow from those of k - 1, so that a sample needs two calls.
         cosine = c
         sine = s
@@ -225,9 +222,10 @@ def fourier_series(outputs: int, harmonics: int) -> ReferenceFunction:
     def series(t: float, p: Any) -> Any:
         c = math.cos(p.frequency * t)
         s = math.sin(p.frequency * t)
-        y_r = np.empty(rows)
-        for row in range(rows):
-            y_r[row] = entry(row, c, s, p)
+        y_r = np.zeros(3 * outputs)
+        for i in range(outputs):
+            for order in range(3):
+                y_r[3 * i + order] = entry(i, order, c, s, p)
         return y_r
 
     return _described(jitable(series), (2,) * outputs, moves=True)

@@ -24,7 +24,7 @@ from grosmc_mj.mechanics.physics.edit import Edit
 from grosmc_mj.mechanics.physics.edits import AddedMass, BodyEdit
 from grosmc_mj.mechanics.physics.files import load_spec
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.mechanics.robots.dynamics import inertia
+from grosmc_mj.mechanics.robots.nominal import inertia
 from grosmc_mj.mechanics.robots.robot import Robot
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.theory.control.controller import Controller

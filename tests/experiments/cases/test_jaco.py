@@ -16,7 +16,7 @@ from grosmc_mj.experiments.requirements.optimum import compare_with_optimum
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, SetupError
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.mechanics.robots.dynamics import bias, inertia
+from grosmc_mj.mechanics.robots.nominal import bias, inertia
 from grosmc_mj.mechanics.robots.robot import Robot
 from grosmc_mj.simulation.simulate import simulate
 

@@ -20,7 +20,7 @@ from grosmc_mj.ground.files import LARGEST_TEXT
 from grosmc_mj.mechanics.physics.edits import BodyEdit
 from grosmc_mj.mechanics.physics.files import load_spec
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.mechanics.robots.dynamics import bias, inertia
+from grosmc_mj.mechanics.robots.nominal import bias, inertia
 from grosmc_mj.mechanics.robots.model import read_spec
 from grosmc_mj.mechanics.robots.robot import Robot
 from grosmc_mj.simulation.loop.design_model import design_model
