@@ -56,7 +56,6 @@ REFUSALS = [
     ("export servo", "--law"),
     ("export servo --law lqr --plants -1", "--plants -1 must not be below 0"),
     ("export servo/case1 --law lqr --loop", "--loop: the case has no loop"),
-    ("export jaco/eight --law grosmc", "MuJoCo computes M(q) of jaco_arm at every sample"),
     ("claims self-test", "unknown command 'self-test': valid: judge, sweep, premises"),
     ("claims self-test arm", "unknown command 'self-test': valid: judge, sweep, premises"),
     (

@@ -440,12 +440,15 @@ def test_what_has_no_c_is_refused_with_its_line(law: Callable[..., Any], words: 
         _ = of_ones_own(law).source
 
 
-def test_a_robots_law_is_refused() -> None:
-    with pytest.raises(ExportError, match=r"MuJoCo computes M\(q\) of jaco_arm"):
-        _ = law_of("jaco/eight", "grosmc").source
-
-
 # In the kernel.
+
+
+@needs_compiler
+@pytest.mark.slow
+def test_c_of_a_robots_law_computes_its_dynamics(tmp_path: Path) -> None:
+    law = law_of("jaco/eight", "grosmc")
+    proof = prove(Experiment.load("jaco/eight"), law, compiled(law, tmp_path), plants=0)
+    assert proof.equal
 
 
 @needs_compiler

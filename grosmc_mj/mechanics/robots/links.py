@@ -8,7 +8,6 @@ import mujoco
 import numpy as np
 
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.ground.errors import ModelError
 from grosmc_mj.mechanics.robots.rigid_bodies import (
     AXIS,
     MOMENT,
@@ -16,8 +15,6 @@ from grosmc_mj.mechanics.robots.rigid_bodies import (
     WEIGHTLESS,
     RigidBodies,
 )
-
-_KINDS = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
 
 @dataclass(frozen=True)
@@ -47,13 +44,9 @@ def rigid_bodies(model: mujoco.MjModel) -> RigidBodies:
     """Read the links of a model: bodies that are fixed to each other are one link.
 
     Args:
-        model: A tree of n hinges and slides. Contacts, limits, dry friction, tendons and fluids
-            are not read.
-
-    Raises:
-        ModelError: If a joint is no hinge or slide, or its damper or spring is not linear.
+        model: A tree of n hinges and slides with linear dampers and springs. Contacts, limits, dry
+            friction and fluids are not read.
     """
-    _refuse_unknown(model)
     n = model.njnt
     vectors = np.zeros((n, 4, 3))
     mounting = np.zeros((n, 3, 3))
@@ -105,17 +98,6 @@ def rigid_bodies(model: mujoco.MjModel) -> RigidBodies:
         spring=model.qpos_spring.copy(),
         gravity=model.opt.gravity.copy(),
     )
-
-
-def _refuse_unknown(model: mujoco.MjModel) -> None:
-    """Refuse joints whose dynamics the equations do not have."""
-    for joint in range(model.njnt):
-        name = model.joint(joint).name
-        if model.jnt_type[joint] not in _KINDS:
-            raise ModelError(f"joint {name!r} must be a hinge or a slide: a law knows no others")
-    curved = [*model.dof_dampingpoly.ravel(), *model.jnt_stiffnesspoly.ravel()]
-    if np.any(curved):
-        raise ModelError("dampers and springs of joints must be linear: a law knows no others")
 
 
 def _rotation(quaternion: Array) -> Array:

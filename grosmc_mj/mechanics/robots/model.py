@@ -325,6 +325,8 @@ def _refuse_model(model: mujoco.MjModel) -> None:
     Raises:
         ModelError: With the reason.
     """
+    if np.any(model.dof_dampingpoly) or np.any(model.jnt_stiffnesspoly):
+        raise ModelError("a damper or spring of a joint is not linear: give it one coefficient")
     for field in ("stiffness", "damping", "frictionloss", "armature", "limited"):
         if np.any(getattr(model, f"tendon_{field}")):
             raise ModelError(
@@ -344,6 +346,8 @@ def _not_compensated(model: mujoco.MjModel) -> list[str]:
         effects.append("dry joint friction (frictionloss)")
     if np.any(model.jnt_limited):
         effects.append("joint limits")
+    if model.opt.density or model.opt.viscosity:
+        effects.append("the fluid (density, viscosity)")
     touching = not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT
     if touching and np.any(model.geom_contype | model.geom_conaffinity):
         effects.append("contacts")

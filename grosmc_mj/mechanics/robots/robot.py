@@ -97,11 +97,7 @@ class Robot:
 
     @cached_property
     def bodies(self) -> RigidBodies:
-        """The dynamics that the laws know, as their numbers.
-
-        Raises:
-            ModelError: If a damper or spring of a joint is not linear.
-        """
+        """The dynamics that the laws know, as their numbers."""
         return rigid_bodies(self.nominal)
 
     def task(

@@ -193,6 +193,7 @@ def fourier_series(outputs: int, harmonics: int) -> ReferenceFunction:
         outputs: Number of outputs, m.
         harmonics: Number of harmonics of each.
     """
+
     # The functions are nested because numba compiles sizes that a closure fixes.
     def entry(
         i: int,

@@ -20,8 +20,8 @@ from grosmc_mj.ground.files import LARGEST_TEXT
 from grosmc_mj.mechanics.physics.edits import BodyEdit
 from grosmc_mj.mechanics.physics.files import load_spec
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.mechanics.robots.nominal import bias, inertia
 from grosmc_mj.mechanics.robots.model import read_spec
+from grosmc_mj.mechanics.robots.nominal import bias, inertia
 from grosmc_mj.mechanics.robots.robot import Robot
 from grosmc_mj.simulation.loop.design_model import design_model
 from grosmc_mj.theory.control.coordinates.symbolic import ErrorCoordinates
@@ -156,7 +156,7 @@ def test_bias_is_that_of_lagranges_equations(x: Array) -> None:
     np.testing.assert_allclose(bias(tree().nominal, q, dq), expected, rtol=0, atol=1e-8)
 
 
-each_tree = pytest.mark.parametrize("make", [tree, tree_in_fluid, tree_with_gravity_compensation])
+each_tree = pytest.mark.parametrize("make", [tree, tree_with_gravity_compensation])
 
 
 @each_tree
@@ -169,10 +169,18 @@ def test_inertia_is_mujocos(make: Any, x: Array) -> None:
     np.testing.assert_allclose(inertia(robot.nominal, x[:N]), M, rtol=0, atol=1e-13)
 
 
+def test_no_law_knows_of_a_fluid() -> None:
+    robot = tree_in_fluid()
+    x = states(N, 1)[0]
+    np.testing.assert_array_equal(
+        bias(robot.nominal, x[:N], x[N:]), bias(tree().nominal, x[:N], x[N:])
+    )
+    assert any("the fluid (density, viscosity)" in note for note in robot.notes)
+
+
 @each_tree
 @pytest.mark.parametrize("x", states(N, 2))
 def test_bias_is_mujocos(make: Any, x: Array) -> None:
-    """In a fluid bodies are not fused: a body's own force would be lost."""
     robot = make()
     data = forward(robot.plant.model, x)
     expected = data.qfrc_bias - data.qfrc_passive
@@ -186,19 +194,14 @@ ON_A_FLOOR = """
     <geom size="0.1" pos="0.3 0 0"/></body></worldbody>
   <actuator><motor joint="j"/></actuator></mujoco>
 """
-ON_A_FLOOR_IN_A_FLUID = """
-<mujoco><option density="1"/><worldbody><geom type="plane" size="9 9 1"/>
-  <body name="link"><joint name="j" range="-1 1" limited="true"/>
-    <geom size="0.1" pos="0.3 0 0"/></body></worldbody>
-  <actuator><motor joint="j"/></actuator></mujoco>
-"""
+ON_A_FLOOR_WITHOUT_WEIGHT = ON_A_FLOOR.replace('name="link"', 'name="link" gravcomp="1"')
 
 
-@pytest.mark.parametrize("text", [ON_A_FLOOR, ON_A_FLOOR_IN_A_FLUID])
+@pytest.mark.parametrize("text", [ON_A_FLOOR, ON_A_FLOOR_WITHOUT_WEIGHT])
 def test_constraints_are_no_part_of_the_nominal_dynamics(text: str) -> None:
     """Neither a limit nor a contact acts, beyond the limit and within the floor.
 
-    The model in a fluid keeps the floor as it keeps all geoms.
+    A model with gravity compensation keeps the floor as it keeps all geoms.
     """
     robot = Robot.from_mjcf(text)
     x = np.array([1.5, 0.0])
@@ -437,6 +440,11 @@ GRAVITY_ON_ACTUATOR = """
   <geom size="0.1" pos="0.3 0 0"/></body></worldbody>
   <actuator><motor joint="j"/></actuator></mujoco>
 """
+CURVED_DAMPER = """
+<mujoco><worldbody><body name="link"><joint name="j" damping="1 0.1"/>
+  <geom size="0.1" pos="0.3 0 0"/></body></worldbody>
+  <actuator><motor joint="j"/></actuator></mujoco>
+"""
 NO_MASS = """
 <mujoco><worldbody><body name="link"><joint name="j"/>
   <geom size="0.1" mass="0" pos="0.3 0 0"/></body></worldbody>
@@ -472,6 +480,7 @@ INFINITE_RANGE = '<motor name="motor" joint="hinge" ctrlrange="-20 inf" gear="1"
         pytest.param(NO_MASS, "mass and inertia", id="no mass"),
         pytest.param(TENDON_MOTOR, "pulls a tendon", id="tendon"),
         pytest.param(DAMPED_TENDON, "tendons with stiffness", id="damped tendon"),
+        pytest.param(CURVED_DAMPER, "is not linear", id="damper that is not linear"),
         pytest.param(NO_TIMESTEP, "one: its timestep is 0 s, must lie between", id="no timestep"),
         pytest.param(
             ONE.format("", INFINITE_RANGE),
