@@ -10,7 +10,7 @@ from grosmc_mj.experiments.requirements.conditions import Conditions
 from grosmc_mj.experiments.requirements.measurement import Windows, signal_units
 from grosmc_mj.experiments.requirements.metrics import DWELL, MeasuredSignal, Metric, largest_of
 from grosmc_mj.experiments.requirements.optimum import Comparison
-from grosmc_mj.experiments.requirements.run_metrics import metrics_of_record
+from grosmc_mj.experiments.requirements.run_metrics import metrics_of_rows, rows_of
 from grosmc_mj.experiments.requirements.swings import LastPeakBelow, ReachesWithin, SwingsBelow
 from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.theory.control.controller import Controller
@@ -47,6 +47,6 @@ def event_metrics(
 
     late = (1 - DWELL) * float(run.time[-1])
     windows = Windows(after=(late,), signals=(MeasuredSignal(signal, periodic),))
-    values = metrics_of_record(run, controller, comparison, windows=windows)
+    values = metrics_of_rows(rows_of(run, comparison.z), controller, windows=windows)
     metrics["final_error"] = Metric(values[largest_of(signal, late, periodic=periodic)], unit)
     return metrics

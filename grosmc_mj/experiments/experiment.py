@@ -36,9 +36,7 @@ from grosmc_mj.experiments.requirements.conditions import Conditions, end_of_tra
 from grosmc_mj.experiments.requirements.judging import Judgement, decidable, judge_runs
 from grosmc_mj.experiments.requirements.measured_run import MeasuredRun
 from grosmc_mj.experiments.requirements.metrics import Metric
-from grosmc_mj.experiments.requirements.optimum import compare_with_optimum
 from grosmc_mj.experiments.requirements.requirement import Requirement
-from grosmc_mj.experiments.requirements.run_metrics import measure
 from grosmc_mj.experiments.settings import Settings, settings_of_file
 from grosmc_mj.experiments.variation import different, joined
 from grosmc_mj.ground.arguments import require, require_known
@@ -829,15 +827,11 @@ def run_on(
         run = error.trajectory
         ended = str(error)
     run = with_acting(run, plant)
-    comparison = compare_with_optimum(run, law)
-    metrics = measure(run, law, comparison, case.onset)
     return RunResult(
         case=case,
         plant=name,
         controller=law,
         trajectory=run,
-        comparison=comparison,
-        metrics=metrics,
         ended=ended,
         true=plant,
     )

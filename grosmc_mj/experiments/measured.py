@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -13,10 +13,10 @@ from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.file.schema import MeasuredTable
 from grosmc_mj.experiments.logs.log import Log, name_of_log
 from grosmc_mj.experiments.requirements.judging import Judgement, judge_runs
+from grosmc_mj.experiments.requirements.measurement import NO_WINDOWS, Windows
 from grosmc_mj.experiments.requirements.metrics import Metric, largest_of
-from grosmc_mj.experiments.requirements.optimum import Comparison, compare_with_optimum
+from grosmc_mj.experiments.requirements.optimum import Comparison
 from grosmc_mj.experiments.requirements.requirement import Requirement, missing_signals
-from grosmc_mj.experiments.requirements.run_metrics import measure
 from grosmc_mj.experiments.requirements.signals import ERROR
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.arrays import Array
@@ -44,20 +44,36 @@ class MeasuredResult(RunResult):
         plant: ``measured``, with the name of the log where there are several.
         log: Path of the log.
         begin: Instant of the log at which the run begins, from its first sample on [s].
-        known: Names of the signals that it has for the whole run, see ``requirements.signals``.
         notes: What may be wrong with it, in lines.
     """
 
     plant: str  # pyright: ignore[reportIncompatibleVariableOverride]
     log: Path
     begin: float
-    known: frozenset[str]
     notes: Sequence[str] = ()
 
     @property
     def simulated(self) -> bool:
         """Whether it is a simulation, not a log of the machine."""
         return False
+
+    # Each requirement asks for them.
+    @cached_property
+    def known(self) -> frozenset[str]:
+        """Names of the signals that it has for the whole run, see ``requirements.signals``."""
+        return _known_signals(self.trajectory, self.controller, self.comparison)
+
+    # As of a simulation: tables, figures and documents ask for them.
+    @cached_property
+    def metrics(self) -> Mapping[str, Metric]:
+        """Usual metrics by name; without a value where the log does not tell it."""
+        inputs = {signal.name for signal in self.trajectory.system.inputs}
+        return _known_metrics(super().metrics, self.known, inputs)
+
+    def values(self, windows: Windows = NO_WINDOWS) -> Mapping[str, float]:
+        """Return the metrics by name; sums over states that were not measured are NaN."""
+        with np.errstate(invalid="ignore"):
+            return super().values(windows)
 
     # As of a simulation: a page, a figure and a document ask for them.
     @cached_property
@@ -204,23 +220,14 @@ def run_of_log(
             log, experiment.nominal.system, experiment.duration, start
         )
 
-    # Sums over states that were not measured are NaN; they are not asked for.
-    with np.errstate(invalid="ignore"):
-        comparison = compare_with_optimum(trajectory, controller)
-        metrics = measure(trajectory, controller, comparison, experiment.onset)
-    inputs = {signal.name for signal in trajectory.system.inputs}
-    known = _known_signals(trajectory, controller, comparison)
     return MeasuredResult(
         case=experiment,
         plant=plant,
         controller=controller,
         trajectory=trajectory,
-        comparison=comparison,
-        metrics=_known_metrics(metrics, known, inputs),
         true=experiment.plant(truest),
         log=path,
         begin=begin,
-        known=known,
         notes=[*log.notes, *partly_known(log.name, trajectory)],
     )
 
@@ -378,7 +385,7 @@ def _known_signals(
 
 
 def _known_metrics(
-    metrics: dict[str, Metric], known: frozenset[str], inputs: set[str]
+    metrics: Mapping[str, Metric], known: frozenset[str], inputs: set[str]
 ) -> dict[str, Metric]:
     """Return the usual metrics; without a value where a log does not tell it."""
     measured = set(map(largest_of, known))

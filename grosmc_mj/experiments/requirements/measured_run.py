@@ -4,13 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from grosmc_mj.experiments.requirements.accumulator import Rows
 from grosmc_mj.experiments.requirements.conditions import Conditions
-from grosmc_mj.experiments.requirements.metrics import Metric
-from grosmc_mj.experiments.requirements.optimum import Comparison
-from grosmc_mj.experiments.requirements.run_metrics import cost_shares
+from grosmc_mj.experiments.requirements.measurement import NO_WINDOWS, Windows, bands
+from grosmc_mj.experiments.requirements.metrics import Metric, settled_in, stays
+from grosmc_mj.experiments.requirements.optimum import Comparison, compare_with_optimum
+from grosmc_mj.experiments.requirements.run_metrics import (
+    cost_shares,
+    metrics_of_rows,
+    rows_of,
+    usual_metrics,
+)
 from grosmc_mj.ground.arrays import Array, as_rows
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 from grosmc_mj.theory.control.controller import Controller
@@ -26,8 +34,6 @@ class MeasuredRun:
         plant: ``printed``, ``corrected`` or ``physics``.
         controller: Controller with the numbers of its design.
         trajectory: Trajectory up to the end or to the last valid instant.
-        comparison: The run beside the optimum that its law was designed for.
-        metrics: Metrics by name.
         true: The plant itself.
         ended: Reason why the run ended early; empty otherwise.
     """
@@ -36,10 +42,59 @@ class MeasuredRun:
     plant: str
     controller: Controller
     trajectory: Trajectory
-    comparison: Comparison
-    metrics: Mapping[str, Metric]
     true: Plant
     ended: str = ""
+
+    # Metrics, figures and signals ask for it.
+    @cached_property
+    def comparison(self) -> Comparison:
+        """The run beside the optimum that its law was designed for."""
+        return compare_with_optimum(self.trajectory, self.controller)
+
+    # Tables, figures and documents ask for them.
+    @cached_property
+    def metrics(self) -> Mapping[str, Metric]:
+        """Usual metrics by name."""
+        return usual_metrics(self.trajectory, self.controller, self.values())
+
+    # Most requirements are about the usual metrics.
+    @cached_property
+    def _replays(self) -> dict[Windows, dict[str, float]]:
+        """Metrics of the run so far by their windows."""
+        return {}
+
+    def values(self, windows: Windows = NO_WINDOWS) -> Mapping[str, float]:
+        """Return the metrics by name, see ``metrics_of_rows``; nothing of a run without a timestep.
+
+        Args:
+            windows: Further windows, bands and signals.
+        """
+        if len(self.trajectory.time) < 2:
+            return {}
+        if windows not in self._replays:
+            rows = rows_of(self.trajectory, self.comparison.z)
+            self._replays[windows] = metrics_of_rows(rows, self.controller, self.onset, windows)
+        return self._replays[windows]
+
+    def errors(self, z: Array, windows: Windows = NO_WINDOWS) -> Mapping[str, float]:
+        """Return the metrics of error states over the whole run, whatever disturbs it.
+
+        Args:
+            z: Error states of this run or of its optimum, (N + 1, n).
+            windows: Further windows, bands and signals.
+        """
+        rows = Rows(self.trajectory.time, z, self.trajectory.state)
+        return metrics_of_rows(rows, self.controller, windows=windows)
+
+    def settled(self, z: Array, band: float | None = None) -> float | None:
+        """Return when an error is in a band for good [s], over the whole run; None if never.
+
+        Args:
+            z: Error states, see ``errors``.
+            band: Half width; None for the usual band.
+        """
+        settled = self.errors(z, bands(band))[settled_in(band)]
+        return settled if stays(settled, self.trajectory.time[-1]) else None
 
     @property
     def onset(self) -> float:

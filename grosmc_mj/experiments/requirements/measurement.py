@@ -41,6 +41,11 @@ class Windows(NamedTuple):
 NO_WINDOWS = Windows()
 
 
+def bands(band: float | None) -> Windows:
+    """Return the windows with a further band to settle in; none for the usual band."""
+    return NO_WINDOWS if band is None else Windows(bands=(band,))
+
+
 @dataclass(frozen=True, eq=False)
 class Measurement:
     """The signals of a run, and the times and limits that its measurements need.

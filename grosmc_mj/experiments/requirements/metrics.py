@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from grosmc_mj.theory.plants import System
 
@@ -153,6 +153,18 @@ def rms_of(signal: str, after: float = 0.0, *, periodic: bool = False) -> str:
     """Return the name of the RMS of a signal from an instant on, see ``largest_of``."""
     turn = " modulo a turn" if periodic else ""
     return f"rms {signal or 'error'}{turn} after {after!r} s"
+
+
+def stays(settled: Any, duration: Any) -> Any:
+    """Whether an error that has settled stays in its band for the last tenth of a time at least.
+
+    One that swings in and out is always inside for a moment before some end.
+
+    Args:
+        settled: Instants from which on errors are in their band [s].
+        duration: Times in which they have been measured [s].
+    """
+    return settled <= (1 - DWELL) * duration
 
 
 def settling(settled: float) -> Metric:

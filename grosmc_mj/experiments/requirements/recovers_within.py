@@ -56,7 +56,7 @@ class RecoversWithin(Requirement):
 
     def measured(self, run: MeasuredRun) -> tuple[float | None, str]:
         """Return the longest recovery, and say if there was none to make."""
-        value = self.replayed(run)
+        value = self.value_of(run)
         changes = _changes(run.trajectory, run.conditions.loads)
         if not any(self._in_time(run.trajectory, change) for change in changes):
             return value, "no disturbance begins in time"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -10,7 +11,6 @@ from grosmc_mj.experiments.requirements.conditions import Conditions
 from grosmc_mj.experiments.requirements.measured_run import MeasuredRun
 from grosmc_mj.experiments.requirements.measurement import Windows
 from grosmc_mj.experiments.requirements.metrics import DWELL, MeasuredSignal, Metric
-from grosmc_mj.experiments.requirements.run_metrics import metrics_of_record
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, name_list
 from grosmc_mj.simulation.trajectory import Trajectory
@@ -39,6 +39,7 @@ class Requirement:
         not_in_logs: Reason why no log of the machine decides it; empty if one may.
         of_actuators: Whether it is about the range of the actuators, not about the task.
         recorded: Whether it is measured on a recorded run, not accumulated during the run.
+        undefined: Reason why there is no value where the metric is infinite.
         number: The largest value allowed.
         unit: Unit of the number.
         written: The number as written in the file.
@@ -59,6 +60,7 @@ class Requirement:
     of_actuators: ClassVar[bool] = False
     recorded: ClassVar[bool] = False
     needs_band: ClassVar[bool] = False
+    undefined: ClassVar[str] = ""
 
     number: float
     unit: str = ""
@@ -280,19 +282,16 @@ class Requirement:
         """Return the limited value of a run, or None and the reason why there is none."""
         if self.after and run.trajectory.time[-1] < self.after * (1 - 1e-12):
             return None, "the run is shorter"
-        metric = run.metrics.get(self.metric)
-        if metric is not None:
-            return metric.value, metric.note
-        return self.replayed(run), ""
+        value = self.value_of(run)
+        if self.undefined and math.isinf(value):
+            return None, self.undefined
+        return value, ""
 
-    def replayed(self, run: MeasuredRun) -> float:
+    def value_of(self, run: MeasuredRun) -> float:
         """Return the limited metric of a recorded run; infinite where it is not defined."""
         if self.recorded:
             return self.of_record(run.trajectory, run.controller, run.conditions)
-        metrics = metrics_of_record(
-            run.trajectory, run.controller, run.comparison, run.onset, self.windows
-        )
-        return metrics[self.metric]
+        return run.values(self.windows)[self.metric]
 
     def of_record(self, run: Trajectory, law: Controller, conditions: Conditions) -> float:
         """Return the limited metric of a recorded run of a kind that is ``recorded``.

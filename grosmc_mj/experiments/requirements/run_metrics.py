@@ -13,15 +13,13 @@ from grosmc_mj.experiments.requirements.accumulator import Rows, replay
 from grosmc_mj.experiments.requirements.measurement import NO_WINDOWS, Measurement, Windows
 from grosmc_mj.experiments.requirements.metrics import (
     DEFINITIONS,
-    DWELL,
-    SETTLING_BAND,
     Metric,
     largest_of,
     rms_of,
     settled_in,
     settling,
+    stays,
 )
-from grosmc_mj.experiments.requirements.optimum import Comparison
 from grosmc_mj.ground.arrays import Array, as_rows
 from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.theory.control.controller import Controller
@@ -54,20 +52,19 @@ def _transient_metrics(measurements: Sequence[Measurement], values: Any) -> dict
     """Return settling and overshoot.
 
     ``settled`` is the first instant from which on a run stays in its band, in its transient, and
-    the end of a run that is outside at its end. It is the settling time if the run stays for the
-    last tenth of the transient at least, else infinity: an error that swings in and out is always
-    inside for a moment before some end. A run that starts without error has a band of zero: it has
-    settled if it never leaves its reference. ``left`` is the largest error in that last tenth. The
-    overshoot is a share of the error at the start.
+    the end of a run that is outside at its end. It is the settling time if the run ``stays`` in
+    it, else infinity. A run that starts without error has a band of zero: it has settled if it
+    never leaves its reference. ``left`` is the largest error in the last tenth of the transient.
+    The overshoot is a share of the error at the start.
     """
     first = measurements[0]
     transient = np.array([item.transient for item in measurements])
     duration = np.array([item.duration for item in measurements])
-    settled = settled_from(values["last_outside"], first.timestep, duration)
-    too_late = settled[:, 0] > (1 - DWELL) * transient
+    settled = _settled_from(values["last_outside"], first.timestep, duration)
+    usual = settled[:, 0]
 
     metrics = {
-        "settling_time": np.where(too_late, np.inf, settled[:, 0]),
+        "settling_time": np.where(stays(usual, transient), usual, np.inf),
         "left": values["late_error"],
         "overshoot": _ratio(values["opposite"], np.abs(values["start"])),
     }
@@ -76,7 +73,7 @@ def _transient_metrics(measurements: Sequence[Measurement], values: Any) -> dict
     return metrics
 
 
-def settled_from(last_outside: Array, timestep: float, duration: Array) -> Array:
+def _settled_from(last_outside: Array, timestep: float, duration: Array) -> Array:
     """Return the instants after the last ones outside [s], (n, b); the end where it is the last.
 
     Args:
@@ -151,69 +148,83 @@ def metrics_of_simulations(
     return metrics_of(measurements, values)
 
 
-# -- of recorded runs ------------------------------------------------------------------------------
+# -- of recorded rows ------------------------------------------------------------------------------
 
 
-def metrics_of_record(
-    run: Trajectory,
-    controller: Controller,
-    comparison: Comparison,
-    onset: float = math.inf,
-    windows: Windows = NO_WINDOWS,
-) -> dict[str, float]:
-    """Return the metrics of a recorded run by name; infinite where undefined, see ``metrics_of``.
+def rows_of(run: Trajectory, z: Array) -> Rows:
+    """Return the rows of a recorded run.
 
     Args:
-        run: One run on any plant, of two instants at least.
-        controller: Controller of the run.
-        comparison: The run beside its optimum.
-        onset: Onset of the first disturbance [s].
-        windows: Further windows, bands and signals.
+        run: One run on any plant.
+        z: Its error states, (N + 1, n).
     """
     intervals = len(run.time) - 1
     s = np.zeros((intervals, 0))
     if run.sliding is not None:
         s = as_rows(run.sliding)
-    rows = Rows(
+    return Rows(
         time=run.time,
-        z=comparison.z,
+        z=z,
         x=run.state,
         u=as_rows(run.input),
         v=as_rows(run.weighed),
         s=s,
     )
+
+
+def metrics_of_rows(
+    rows: Rows,
+    controller: Controller,
+    onset: float = math.inf,
+    windows: Windows = NO_WINDOWS,
+) -> dict[str, float]:
+    """Return the metrics of recorded rows by name; infinite where undefined, see ``metrics_of``.
+
+    They pass through the accumulation of a simulation, so a run has the same metrics to the bit
+    whether it was recorded or not.
+
+    Args:
+        rows: Rows of two instants at least.
+        controller: Controller whose optimum they are compared with.
+        onset: Onset of the first disturbance [s].
+        windows: Further windows, bands and signals.
+    """
     # The input of a record is limited already.
-    timestep = float(run.time[1])
-    duration = float(run.time[-1])
+    timestep = float(rows.time[1])
+    duration = float(rows.time[-1])
     measurement = Measurement(controller, timestep, duration, onset, windows)
     columns = metrics_of([measurement], replay(rows, measurement.constants))
     return {name: float(column[0]) for name, column in columns.items()}
 
 
-def measure(
-    run: Trajectory, controller: Controller, comparison: Comparison, onset: float = math.inf
+def usual_metrics(
+    run: Trajectory, controller: Controller, values: Mapping[str, float]
 ) -> dict[str, Metric]:
-    """Return the usual metrics of one run by name.
+    """Return the usual metrics of one run by name, with units and notes.
 
-    Settling time and overshoot are of the transient: up to ``onset``, unless a disturbance
-    acts from the start. The costs are of the index that the law was designed for, over the run.
+    Settling time and overshoot are of the transient: up to the first disturbance, unless it acts
+    from the start. The costs are of the index that the law was designed for, over the run.
 
     Args:
         run: One run on any plant.
         controller: Controller of the run.
-        comparison: The run beside its optimum.
-        onset: Onset of the first disturbance [s].
+        values: Its metrics, see ``metrics_of_rows``; nothing of a run that ended at its start.
     """
     units = _metric_units(run, controller)
-    if len(run.time) < 2:
+    if not values:
         return {name: Metric(None, "", "ended at the start") for name in units}
 
-    values = metrics_of_record(run, controller, comparison, onset)
-    values["overshoot"] *= 100
-    absent = _absent_metrics(run, comparison, values)
-    metrics = {}
-    for name, unit in units.items():
-        metrics[name] = absent.get(name, Metric(values[name], unit))
+    metrics = {name: Metric(values[name], unit) for name, unit in units.items()}
+    metrics["settling_time"] = settling(values["settling_time"])
+    overshoot = values["overshoot"]
+    metrics["overshoot"] = Metric(100 * overshoot, "%")
+    if run.sliding is None:
+        metrics["max_sliding"] = Metric(None, "", "no surface")
+        metrics["rms_sliding"] = Metric(None, "", "no surface")
+    if len(controller.designed.error.output_rows) > 1:
+        metrics["overshoot"] = Metric(None, "%", "several outputs")
+    elif math.isinf(overshoot):
+        metrics["overshoot"] = Metric(None, "%", "no initial error")
     return metrics
 
 
@@ -237,21 +248,6 @@ def _metric_units(run: Trajectory, controller: Controller) -> dict[str, str]:
     return units
 
 
-def _absent_metrics(
-    run: Trajectory, comparison: Comparison, values: Mapping[str, float]
-) -> dict[str, Metric]:
-    """Return the settling time, and each metric that the run does not have."""
-    metrics = {"settling_time": settling(values["settling_time"])}
-    if run.sliding is None:
-        metrics["max_sliding"] = Metric(None, "", "no surface")
-        metrics["rms_sliding"] = Metric(None, "", "no surface")
-    if len(comparison.outputs) > 1:
-        metrics["overshoot"] = Metric(None, "%", "several outputs")
-    elif math.isinf(values["overshoot"]):
-        metrics["overshoot"] = Metric(None, "%", "no initial error")
-    return metrics
-
-
 def cost_shares(metrics: Mapping[str, Metric], duration: float) -> tuple[Metric, Metric]:
     """Return costs of a run that do not grow with its length once it has settled.
 
@@ -270,36 +266,3 @@ def cost_shares(metrics: Mapping[str, Metric], duration: float) -> tuple[Metric,
         return Metric(None, "1", "no J*"), Metric(None, "1/s", "no J*")
     rate = (whole - continuous) / (optimal * duration)
     return Metric(continuous / optimal, "1"), Metric(rate, "1/s")
-
-
-# -- of an error alone, such as that of an optimum -------------------------------------------------
-
-
-def settling_time(time: Array, error: Array, width: float | None = None) -> Metric:
-    """Return when |error| enters a band for good; ``not reached`` if never.
-
-    Args:
-        time: Equally spaced instants from 0 on [s], (N,).
-        error: Error at the instants, (N,).
-        width: Half width of the band; 2 % of |error(0)| by default.
-    """
-    if width is None:
-        width = SETTLING_BAND * abs(error[0])
-    outside = time[np.abs(error) > width]
-    last_outside = np.max(outside, initial=-1.0).reshape(1, 1)
-
-    duration = float(time[-1])
-    step = float(time[1]) if len(time) > 1 else 1.0
-    settled = float(settled_from(last_outside, step, np.array([duration]))[0, 0])
-    if settled > (1 - DWELL) * duration:
-        settled = math.inf
-    return settling(settled)
-
-
-def overshoot(error: Array) -> Metric:
-    """Return the largest error beyond zero, in percent of the initial error."""
-    start = float(error[0])
-    if start == 0:
-        return Metric(None, "%", "no initial error")
-    beyond = float(np.max(-error * math.copysign(1.0, start), initial=0.0))
-    return Metric(100 * (beyond / abs(start)), "%")

@@ -20,6 +20,12 @@ class SurfaceRequirement(Requirement):
 
     not_in_logs = "a log does not have the sliding variable"
 
+    def measured(self, run: MeasuredRun) -> tuple[float | None, str]:
+        """Return the limited value, or that the law has no surface."""
+        if run.trajectory.sliding is None:
+            return None, "no surface"
+        return super().measured(run)
+
     @classmethod
     def can_be_asked_of(cls, law: Controller, value: Any) -> bool:
         """Whether a law has a surface."""
@@ -62,12 +68,6 @@ class NoReachingPhase(SurfaceRequirement):
     def words(self) -> str:
         """The requirement in words."""
         return "no reaching phase: s(0) = 0"
-
-    def measured(self, run: MeasuredRun) -> tuple[float | None, str]:
-        """Return |s(0)|, or that the law has no surface."""
-        if run.trajectory.sliding is None:
-            return None, "the law has no surface"
-        return super().measured(run)
 
     def why_unfailing(self, law: Controller, input_limits: Array) -> str:
         """Say that an integral surface starts at zero."""

@@ -79,7 +79,7 @@ class EventRequirement(Requirement):
 
     def measured(self, run: MeasuredRun) -> tuple[float | None, str]:
         """Return the limited value of a run, or that the band is not reached."""
-        value = self.replayed(run)
+        value = self.value_of(run)
         if math.isinf(value):
             return None, f"does not come to {self.band_in_words} and stay"
         return value, ""

@@ -10,10 +10,15 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.experiments.requirements.measured_run import MeasuredRun
-from grosmc_mj.experiments.requirements.measurement import Windows
-from grosmc_mj.experiments.requirements.metrics import DWELL, SETTLING_BAND, Metric, settled_in
+from grosmc_mj.experiments.requirements.measurement import Windows, bands
+from grosmc_mj.experiments.requirements.metrics import (
+    DWELL,
+    SETTLING_BAND,
+    Metric,
+    settled_in,
+    settling,
+)
 from grosmc_mj.experiments.requirements.requirement import ROUNDING, Requirement
-from grosmc_mj.experiments.requirements.run_metrics import settling_time
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.theory.control.controller import Controller
@@ -33,6 +38,7 @@ class SettlesWithin(Requirement):
     quantity = "s"
     options = ("band",)
     figure = "output"
+    undefined = "not reached"
 
     band: float | None = None
     band_written: str = ""
@@ -50,8 +56,7 @@ class SettlesWithin(Requirement):
     @property
     def windows(self) -> Windows:
         """The band, if it is not the usual one."""
-        bands = () if self.band is None else (self.band,)
-        return Windows(bands=bands)
+        return bands(self.band)
 
     @property
     def words(self) -> str:
@@ -78,20 +83,18 @@ class SettlesWithin(Requirement):
             f"require that at most, or make them {needed:g} s at least"
         )
 
-    def measured(self, run: MeasuredRun) -> tuple[float | None, str]:
-        """Return the settling time, or that it is not reached."""
+    def value_of(self, run: MeasuredRun) -> float:
+        """Return the settling time; infinite if it is not reached."""
+        values = run.values(self.windows)
         if self.band is None:
-            metric = run.metrics["settling_time"]
-            return metric.value, metric.note
-        settled = self.replayed(run)
-        if settled >= run.trajectory.time[-1]:
-            return None, "not reached"
-        return settled, ""
+            return values["settling_time"]
+        settled = values[self.metric]
+        return settled if settled < run.trajectory.time[-1] else math.inf
 
     def of_optimum(self, run: MeasuredRun) -> Metric:
         """Return the settling time of the nominal optimum."""
-        comparison = run.comparison
-        return settling_time(comparison.time, comparison.optimal_error, self.band)
+        settled = run.settled(run.comparison.optimal, self.band)
+        return settling(math.inf if settled is None else settled)
 
     def note(self, run: MeasuredRun, *, kept: bool) -> str:
         """Say of a simulation that is late how long its nominal optimum itself takes."""
@@ -132,6 +135,7 @@ class OvershootBelow(Requirement):
     key = "overshoot_below"
     quantity = "1"
     usual_metric = "overshoot"
+    undefined = "there is no error at the start"
 
     @classmethod
     def refuse_undefined(cls, error: Any, laws: Sequence[str], signal: str) -> None:
@@ -142,13 +146,6 @@ class OvershootBelow(Requirement):
     def refuse_start(self, law: Controller, x0: Sequence[float]) -> None:
         """Refuse a start without error."""
         require_initial_error(law, x0, f"{self.key}: it is a share")
-
-    def measured(self, run: MeasuredRun) -> tuple[float | None, str]:
-        """Return the overshoot as a share; among the metrics of a run it is in percent."""
-        share = self.replayed(run)
-        if math.isfinite(share):
-            return share, ""
-        return None, "there is no error at the start"
 
 
 # -- the error at the start ------------------------------------------------------------------------

@@ -20,7 +20,6 @@ from grosmc_mj.chapter.claims.measurements.measures import (
 from grosmc_mj.experiments.assumptions.audit import audit
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.requirements.run_metrics import settling_time
 from grosmc_mj.experiments.run_cache import RunCache, trial
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.mechanics.physics.edits import BodyEdit
@@ -76,11 +75,10 @@ def settling_ratio(
     """Measure when |e1| enters a band [%] for good, over when the optimum does."""
     result = lab.case(_SYSTEM, "case1", plant, "grosmc")
     comparison = result.comparison
-    time = comparison.time
     width = band / 100 * size_of(comparison, percent_of)
 
-    settled = settling_time(time, comparison.z[:, 0], width).value
-    optimum_settled = settling_time(time, comparison.optimal[:, 0], width).value
+    settled = result.settled(comparison.z, width)
+    optimum_settled = result.settled(comparison.optimal, width)
     if settled is None or optimum_settled is None:
         note = f"|e1| is never within {band:g} % of the {percent_of} for good"
         return from_run(result, None, note)

@@ -152,7 +152,7 @@ def deviation(lab: RunCache, plant: PlantName, *, uncertainty: str) -> Measured:
     edit = UNCERTAINTIES[uncertainty]
     pole = perturbed(SYSTEM, "pole", _SHORT, edit.mass_scale, edit.length_scale)
     result = lab.run(pole, plant, "cart-ism")
-    return from_run(result, from_optimum(result.comparison))
+    return from_run(result, from_optimum(result))
 
 
 def _optimum(lab: RunCache, plant: PlantName) -> LqrDesign:
@@ -214,7 +214,7 @@ def deviation_over_least(lab: RunCache, plant: PlantName) -> Measured:
         if name != "B+":
             results[name] = lab.run_with(case, plant, projected_law(G, realization))
 
-    deviations = {name: from_optimum(result.comparison) for name, result in results.items()}
+    deviations = {name: from_optimum(result) for name, result in results.items()}
     words = ", ".join(f"{name} {value:.3g} %" for name, value in deviations.items())
     with_pseudoinverse = deviations.pop("B+")
     ratio = with_pseudoinverse / min(deviations.values())

@@ -11,7 +11,6 @@ from grosmc_mj.chapter.claims.claim import Measured
 from grosmc_mj.chapter.claims.measurements.measures import equation_error, from_optimum, from_run
 from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.requirements.run_metrics import settling_time
 from grosmc_mj.experiments.run_cache import RunCache, trial
 from grosmc_mj.mechanics.physics.edits import BodyEdit
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
@@ -36,7 +35,7 @@ def from_two_seconds(
     """Measure the difference of settling to a band [%] from 2 s, in percent."""
     result = lab.case(_SYSTEM, "nominal", plant, controller)
     theta = result.comparison.z[:, 0]
-    settled = settling_time(result.comparison.time, theta, band / 100 * abs(theta[0])).value
+    settled = result.settled(result.comparison.z, band / 100 * abs(float(theta[0])))
     if settled is None:
         return from_run(result, None, f"{controller} does not settle")
     return Measured(50 * abs(settled - 2.0), f"at {settled:.3g} s")
@@ -69,7 +68,7 @@ def largest_start(
         result = lab.run(trial(_SYSTEM, "start", x0, _DURATION, edits), plant, controller)
         if not _converged(result):
             return Measured(largest, f"not from {angle} degrees")
-        distance = from_optimum(result.comparison)
+        distance = from_optimum(result)
         if distance > within_percent:
             return Measured(largest, f"from {angle} degrees it goes {distance:.3g} % astray")
         largest = float(angle)

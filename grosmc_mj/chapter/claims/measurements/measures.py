@@ -19,6 +19,8 @@ from grosmc_mj.experiments.assumptions.balance import balances_along
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.requirements.measurement import Windows
+from grosmc_mj.experiments.requirements.metrics import largest_of
 from grosmc_mj.experiments.requirements.optimum import Comparison
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.ground.arrays import Array
@@ -72,10 +74,10 @@ def size_of(comparison: Comparison, percent_of: Size) -> float:
     return abs(float(comparison.error[0]))
 
 
-def from_optimum(comparison: Comparison, percent_of: Size = "start") -> float:
+def from_optimum(result: RunResult, percent_of: Size = "start") -> float:
     """Return max |y - y*| in percent of the initial error, or of the reference's amplitude."""
-    largest = np.abs(comparison.deviation).max()
-    return 100 * float(largest / size_of(comparison, percent_of))
+    largest = result.values().get("deviation", 0.0)
+    return 100 * largest / size_of(result.comparison, percent_of)
 
 
 def deviation(
@@ -96,7 +98,7 @@ def deviation(
     if bandwidth is not None:
         experiment = _on_bench(experiment, bandwidth)
     result = lab.run(experiment, plant, controller)
-    return from_run(result, from_optimum(result.comparison, percent_of))
+    return from_run(result, from_optimum(result, percent_of))
 
 
 def _on_bench(experiment: Experiment, bandwidth: float) -> Experiment:
@@ -130,7 +132,7 @@ def worst_deviation(
     for case in cases:
         result = lab.run(case, plant, "grosmc")
         where = note or f"worst at {case.title}"
-        measured = from_run(result, from_optimum(result.comparison), where)
+        measured = from_run(result, from_optimum(result), where)
         if measured.broken:
             return measured._replace(value=None, note=f"{case.title}: {measured.note}")
         worst = max(worst, measured)
@@ -148,9 +150,9 @@ def late_error(
 ) -> Measured:
     """Measure the largest error from the instant ``since`` [s] on, in percent of the start."""
     result = lab.case(system, case, plant, controller)
-    comparison = result.comparison
-    error = np.abs(comparison.error[within(comparison.time, since)])
-    return from_run(result, 100 * float(error.max()) / size_of(comparison, "start"))
+    within(result.trajectory.time, since)
+    largest = result.values(Windows(after=(since,)))[largest_of("", since)]
+    return from_run(result, 100 * largest / size_of(result.comparison, "start"))
 
 
 def difference(

@@ -12,7 +12,6 @@ from grosmc_mj.chapter.claims.claim import Measured
 from grosmc_mj.chapter.claims.measurements.measures import from_run, sliding
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.plants import PlantName
-from grosmc_mj.experiments.requirements.run_metrics import overshoot
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.theory.control.controller import Controller
@@ -49,7 +48,7 @@ def largest_overshoot(
 ) -> Measured:
     """Measure the robust law's overshoot over the whole run, in percent of the step."""
     result = lab.case(system, case, plant, "grosmc")
-    return from_run(result, overshoot(result.comparison.z[:, 0]).value)
+    return from_run(result, 100 * result.errors(result.comparison.z)["overshoot"])
 
 
 def stability_loss(lab: RunCache, plant: PlantName, *, measure: str) -> Measured:
