@@ -15,9 +15,8 @@ from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.compilation.jitable import compiled_as, jitable
 from grosmc_mj.ground.compilation.records import pack, with_fields
 from grosmc_mj.ground.compilation.structures import pointer, structure_at, structure_of
-from grosmc_mj.simulation.loop.applied import AppliedLoop
+from grosmc_mj.simulation.loop.applied import AppliedLoop, LoopRun
 from grosmc_mj.simulation.loop.rows import ring_row
-from grosmc_mj.simulation.loop.start import LoopRun
 from grosmc_mj.theory.control.controller import Controller
 
 

@@ -29,10 +29,10 @@ from grosmc_mj.ground.compilation.structures import (
 from grosmc_mj.simulation.disturbances import disturb
 from grosmc_mj.simulation.guard import Guard
 from grosmc_mj.simulation.loop.actuators import actuate
+from grosmc_mj.simulation.loop.applied import LoopRun
 from grosmc_mj.simulation.loop.computer import send
 from grosmc_mj.simulation.loop.sent import keep_output
 from grosmc_mj.simulation.loop.software import Software, observe
-from grosmc_mj.simulation.loop.start import LoopRun
 from grosmc_mj.simulation.loop.world import remember, sense
 from grosmc_mj.simulation.trajectory import Status
 

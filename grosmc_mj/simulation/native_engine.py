@@ -39,8 +39,8 @@ from grosmc_mj.simulation.kernel import (
     note_members_at,
 )
 from grosmc_mj.simulation.law_inputs import LawError, all_finite, compiling, sample_law
+from grosmc_mj.simulation.loop.applied import ideal_loop
 from grosmc_mj.simulation.loop.software import ADVANCE
-from grosmc_mj.simulation.loop.start import ideal_loop
 from grosmc_mj.simulation.problem import Problem, Record
 from grosmc_mj.simulation.python_engine import ClosedLoop, kernel_run, start
 from grosmc_mj.simulation.steppers import Stepper, Steppers, shared_model

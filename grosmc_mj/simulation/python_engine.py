@@ -15,7 +15,7 @@ from grosmc_mj.mechanics.physics.hooks import refuse_foreign_callback, warnings_
 from grosmc_mj.simulation.disturbances import Disturbance, OutputDisturbance, disturb
 from grosmc_mj.simulation.kernel import ANSWER, ANSWERED, LAST_STEP, NEXT_STEP, KernelRun, run_of
 from grosmc_mj.simulation.law_inputs import sample_law
-from grosmc_mj.simulation.loop.start import ideal_loop
+from grosmc_mj.simulation.loop.applied import ideal_loop
 from grosmc_mj.simulation.problem import Problem, Record
 from grosmc_mj.simulation.steppers import Stepper, Steppers
 from grosmc_mj.simulation.trajectory import Status

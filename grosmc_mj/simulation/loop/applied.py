@@ -1,11 +1,14 @@
-"""A loop around a law: its numbers for one controller, system, timestep and control period."""
+"""A loop around a law: its parts for one controller, system, timestep and control period.
+
+``AppliedLoop`` is what is to be run, ``LoopRun`` its memory in one run.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import InstanceOf
 
@@ -14,12 +17,22 @@ from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.ground.fields import Flag, Range, checked_call
 from grosmc_mj.simulation.loop.design_model import design_model
 from grosmc_mj.simulation.loop.loop import LARGEST_SEED, Loop
-from grosmc_mj.simulation.loop.software import settle
-from grosmc_mj.simulation.loop.start import LoopRun, loop_at_start
+from grosmc_mj.simulation.loop.software import (
+    Software,
+    ideal_software,
+    settle,
+    software_at_start,
+)
 from grosmc_mj.simulation.loop.task import LoopTask
 from grosmc_mj.simulation.loop.timing import LONGEST, SHORTEST, ControlPeriod, steps_in, stride_of
+from grosmc_mj.simulation.loop.world import (
+    Measured,
+    World,
+    ideal_world,
+    measured_states,
+    world_at_start,
+)
 from grosmc_mj.theory.control.controller import Controller
-from grosmc_mj.theory.control.coordinates.design_model import DesignModel
 from grosmc_mj.theory.plants import System
 
 # Arrays that a run changes, of each half.
@@ -37,33 +50,40 @@ _OF_SOFTWARE = (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class AppliedLoop:
-    """A loop around the law of a controller.
+class LoopRun(NamedTuple):
+    """A loop in a run: its two halves, and what is measured between them.
 
     Attributes:
-        controller: Controller, with the control period in its parameters.
-        loop: Parts of the loop.
-        known: Loop that the law knows.
-        predicts: Whether the law gets the state at the instant when its output arrives.
-        run: Number of the run.
-        system: System of the plant.
-        period: Control period [s].
-        timestep: [s].
-        model: Design model; None where nothing runs it.
-        start: Numbers of the loop as a run begins.
+        world: Sensors, actuators and the times of the computer.
+        measured: What reaches the software at a sample.
+        software: Estimators, filter and prediction.
     """
 
-    controller: Controller
-    loop: Loop
-    known: Loop
-    predicts: bool
-    run: int
-    system: System
-    period: float
-    timestep: float
-    model: DesignModel | None
-    start: LoopRun
+    world: World
+    measured: Measured
+    software: Software
+
+
+def ideal_loop(n: int, m: int) -> LoopRun:
+    """Ideal loop of n states and m inputs, which the kernel leaves out."""
+    return LoopRun(ideal_world(n, m), measured_states(0), ideal_software(n, m))
+
+
+@dataclass(frozen=True, eq=False)
+class AppliedLoop(LoopTask):
+    """A loop around the law of a controller, of which runs begin."""
+
+    # Every run begins with a copy of it.
+    @cached_property
+    def start(self) -> LoopRun:
+        """Loop as a run begins, before it is told the start of the plant.
+
+        Raises:
+            ArgumentError: If an estimator does not fit.
+            GainError: If there is no Kalman filter.
+        """
+        n = len(self.system.states)
+        return LoopRun(world_at_start(self), measured_states(n), software_at_start(self))
 
     def begin(
         self,
@@ -198,8 +218,9 @@ def apply_loop(
 
     observers = sorted({part.law for part in loop.estimators} & {"eso", "kalman"})
     predictor = ["predict"] if predict else []
-    known.require_fits(system, timestep, period)
-    _require_one_age(known, system, predictor)
+    if known != loop:
+        known.require_fits(system, timestep, period)
+        _require_one_age(known, system, predictor)
     loop.require_fits(system, timestep, period)
     _require_one_age(loop, system, [*observers, *predictor])
 
@@ -208,20 +229,20 @@ def apply_loop(
     users = observers or predictor
     if users:
         model = design_model(sampled, " and ".join(users))
-    task = LoopTask(sampled, loop, known, system, model, timestep, period, stride, run, predict)
-    start = loop_at_start(task)
-    return AppliedLoop(
+    applied = AppliedLoop(
         controller=sampled,
         loop=loop,
         known=known,
-        predicts=predict,
-        run=run,
         system=system,
-        period=period,
-        timestep=timestep,
         model=model,
-        start=start,
+        timestep=timestep,
+        period=period,
+        stride=stride,
+        run=run,
+        predicts=predict,
     )
+    applied.start  # noqa: B018  refuses estimators before a run
+    return applied
 
 
 def _require_one_age(loop: Loop, system: System, users: list[str]) -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -17,11 +18,12 @@ from grosmc_mj.theory.control.coordinates.state import StateCoordinates
 from grosmc_mj.theory.plants import Signal, System
 
 
-class LoopTask(NamedTuple):
-    """A loop and the runs that it is for.
+@dataclass(frozen=True, eq=False)
+class LoopTask:
+    """A loop around the law of a controller, and the runs that it is for.
 
     Attributes:
-        controller: Controller in the loop, told its control period.
+        controller: Controller, with the control period in its parameters.
         loop: Parts of the loop.
         known: Loop that the law knows.
         system: System of the plant.

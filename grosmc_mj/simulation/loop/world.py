@@ -86,6 +86,11 @@ def sense(i: int, world: Any, measured: Any) -> int:
     return k
 
 
+def measured_states(n: int) -> Measured:
+    """Room for the measurements of n states."""
+    return Measured(y=np.zeros(n), fresh=np.zeros(n), clock=np.zeros(1))
+
+
 def ideal_world(n: int, m: int) -> World:
     """World's half of an ideal loop of n states and m inputs: it has no parts."""
     return World(
