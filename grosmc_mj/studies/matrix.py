@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any
 
 from grosmc_mj.output.charts.charts import write_cells
 from grosmc_mj.output.charts.figure import in_lines
 from grosmc_mj.output.results.result import CellChart
 from grosmc_mj.output.results.tables import Table, numbers, table, words
+from grosmc_mj.output.results.verdicts import Verdict, by_law
 from grosmc_mj.studies.target import Condition, StudiedLaw
 
 # Value of a verdict in a chart of cells.
@@ -25,108 +26,96 @@ NOTE = (
 )
 
 
-class Cell(NamedTuple):
-    """Verdict on a law at a step under a condition.
-
-    Attributes:
-        law: Name of the law.
-        step: Name of the step, such as a rung or an imperfection.
-        condition: Name of the condition.
-        verdict: Whether all requirements are kept, in all draws or some; empty for no such run.
-        text: Its number, for a table.
-        broken: The requirement that breaks; empty if none does.
-        mark: What its colour cannot say: draws, or a question mark.
-        words: Explanation.
-    """
-
-    law: str
-    step: str
-    condition: str
-    verdict: Literal["kept", "partly", "failed", ""]
-    text: str
-    broken: str = ""
-    mark: str = ""
-    words: str = ""
-
-
 def verdict_table(
     title: str,
-    cells: Iterable[Cell],
+    rows: Iterable[Verdict],
     headings: Mapping[str, str],
+    *,
     legend: str = "",
     beside: Mapping[str, Mapping[str, str]] | None = None,
+    text: Callable[[Verdict], str] = lambda row: row.cell,
 ) -> Table:
-    """Return a table of laws by steps, with the number of each cell.
+    """Return a table of laws by steps.
 
     Args:
         title: Title of the table.
-        cells: The cells, at most one of a law and a step.
+        rows: The verdicts, at most one of a law and a step.
         headings: Headings of the columns, by step.
         legend: Legend of the table.
         beside: Columns beside the names of the laws: words by law, by heading.
+        text: Returns the text of a verdict.
     """
     beside = beside or {}
-    texts: dict[str, dict[str, str]] = {}
-    for cell in cells:
-        texts.setdefault(cell.law, {})[cell.step] = cell.text
-
-    rows = []
-    for law, of_law in texts.items():
+    cells = []
+    for law, of_law in by_law(rows).items():
+        texts = {row.step: text(row) for row in of_law}
         about = [words_of[law] for words_of in beside.values()]
-        rows.append([law, *about, *(of_law.get(step, "") for step in headings)])
+        cells.append([law, *about, *(texts.get(step, "") for step in headings)])
     columns = [*words("law", *beside), *numbers(*headings.values())]
-    return table(title, columns, rows, legend=legend)
+    return table(title, columns, cells, legend=legend)
 
 
 def verdict_chart(
-    title: str, cells: Sequence[Cell], headings: Mapping[str, str], *, climbing: bool
+    title: str, rows: Iterable[Verdict], headings: Mapping[str, str], *, climbing: bool
 ) -> CellChart:
     """Return a chart of laws by steps: one colour for kept, one for failed, one for some draws.
 
     Args:
         title: Title of the chart.
-        cells: The cells, at most one of a law and a step.
+        rows: The verdicts, at most one of a law and a step.
         headings: Headings of the columns, by step.
         climbing: Whether each step has all those before it, so that a requirement is named where
             it first breaks alone.
     """
-    by_place = {(cell.law, cell.step): cell for cell in cells}
     placed: dict[tuple[str, str], tuple[float, str, str]] = {}
-    for law in dict.fromkeys(cell.law for cell in cells):
+    for law, of_law in by_law(rows).items():
+        by_step = {row.step: row for row in of_law}
         named = ""
         for step, heading in headings.items():
-            cell = by_place.get((law, step))
-            if cell is None or not cell.verdict:
+            row = by_step.get(step)
+            if row is None or not row.state:
                 continue
 
             labels = []
-            if cell.broken and not (climbing and cell.broken == named):
-                labels.append(_short_name(cell.broken))
-                named = cell.broken
-            if cell.mark:
-                labels.append(cell.mark)
-            placed[law, heading] = (_VALUES[cell.verdict], "\n".join(labels), cell.words)
+            if row.broken and not (climbing and row.broken == named):
+                labels.append(_short_name(row.broken))
+                named = row.broken
+            labels.append(_marks(row))
+            placed[law, heading] = (
+                _VALUES[row.state],
+                "\n".join(filter(None, labels)),
+                _explanation(row),
+            )
     return CellChart.of(title, placed, 1.0)
+
+
+def _marks(row: Verdict) -> str:
+    """What the colour of a cell cannot say: draws, and marks."""
+    draws = f"{row.kept_draws} of {row.draws}" if row.partly else ""
+    return " ".join(filter(None, (draws, row.marks)))
+
+
+def _explanation(row: Verdict) -> str:
+    """The words of a verdict, and what turns it."""
+    if not row.turned_by:
+        return row.words
+    return f"{row.words}; turned by {', '.join(row.turned_by)}"
 
 
 def charts_by_condition(
     conditions: Iterable[Condition],
-    cells: Iterable[Cell],
+    rows: Sequence[Verdict],
     headings: Mapping[str, str],
     *,
     climbing: bool,
 ) -> dict[str, CellChart]:
-    """Return the chart of each condition that has cells, see ``verdict_chart``."""
-    cells_under: dict[str, list[Cell]] = {}
-    for cell in cells:
-        cells_under.setdefault(cell.condition, []).append(cell)
-
+    """Return the chart of each condition that has rows, see ``verdict_chart``."""
     charts = {}
     for condition in conditions:
-        if condition.name in cells_under:
+        under_it = [row for row in rows if row.condition == condition.name]
+        if under_it:
             title = f"{condition.name}: {condition.title}"
-            chart = verdict_chart(title, cells_under[condition.name], headings, climbing=climbing)
-            charts[condition.name] = chart
+            charts[condition.name] = verdict_chart(title, under_it, headings, climbing=climbing)
     return charts
 
 

@@ -59,6 +59,15 @@ class StudiedLaw:
     sampled: Mapping[str, str] = field(default_factory=dict)
     rival: bool = False
 
+    def designed_for(self, plant: PlantName, experiment: Experiment) -> StudiedLaw:
+        """Return the law as it is designed for a plant of an experiment.
+
+        Raises:
+            GrosmcError: If it cannot be designed.
+        """
+        controller = experiment.with_settings(**self.sampled).law(plant, self.base)
+        return replace(self, controller=controller)
+
 
 @dataclass(frozen=True, eq=False)
 class Condition:

@@ -120,6 +120,14 @@ class Verdict(BaseModel):
         return self.model_copy(update=fields)
 
 
+class Verdicts(BaseModel):
+    """Rows of a part of a study, as they are stored."""
+
+    model_config = ConfigDict(frozen=True)
+
+    rows: tuple[Verdict, ...]
+
+
 # -- from runs to a verdict ------------------------------------------------------------------------
 
 
@@ -166,7 +174,7 @@ def verdict_of(shares: Mapping[str, float], *, ended: str = "", draw: int = 0) -
 def over_draws(runs: Sequence[Verdict]) -> Verdict:
     """Return the verdict on the draws of a run: the worst one's, with how many are kept."""
     worst = max(runs, key=lambda run: run.share)
-    claims = {name: max(run.claims[name] for run in runs) for name in worst.claims}
+    claims = {name: max(run.claims.get(name, 0.0) for run in runs) for name in worst.claims}
     kept = sum(run.kept for run in runs)
     return worst.changed(draws=len(runs), kept_draws=kept, claims=claims)
 

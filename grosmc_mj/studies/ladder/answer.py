@@ -22,10 +22,10 @@ from grosmc_mj.output.results.result import (
     result,
 )
 from grosmc_mj.output.results.tables import Table, names, number, numbers, table, text, words
+from grosmc_mj.output.results.verdicts import Verdict, first_failed
+from grosmc_mj.studies.ladder.climb import ALONE, UP_TO, climbs, fallen
 from grosmc_mj.studies.ladder.ladder import Ladder
-from grosmc_mj.studies.ladder.row import ENDED, RungResult, fallen, first_failed, ways
 from grosmc_mj.studies.matrix import (
-    Cell,
     charts_by_condition,
     conditions_document,
     law_document,
@@ -42,14 +42,14 @@ LEGEND = (
 )
 CLAIMS = "Rung on which each claim fails"
 _TITLES = {
-    True: "Rungs added one by one",
-    False: "Each alone on the sampled plant",
+    UP_TO: "Rungs added one by one",
+    ALONE: "Each alone on the sampled plant",
 }
 
 
-def verdict(studied: Ladder, rows: Sequence[RungResult], condition: str) -> str:
+def verdict(studied: Ladder, rows: Sequence[Verdict], condition: str) -> str:
     """Return one sentence: how many laws pass, and which rungs break most of them."""
-    climbed = ways(rows, condition).values()
+    climbed = climbs(rows, condition).values()
     top = studied.climbing[-1].name
     complete = 0
     every = 0
@@ -58,8 +58,8 @@ def verdict(studied: Ladder, rows: Sequence[RungResult], condition: str) -> str:
         failed = first_failed(rungs)
         last = rungs[-1]
         if failed is not None:
-            broken_by[failed.rung] += 1
-        if last.rung == top and last.kept:
+            broken_by[failed.step] += 1
+        if last.step == top and last.kept:
             complete += 1
             every += failed is None
 
@@ -71,14 +71,14 @@ def verdict(studied: Ladder, rows: Sequence[RungResult], condition: str) -> str:
     return f"{answer}.{_agreement(under_it, top)}"
 
 
-def _agreement(rows: Iterable[RungResult], top: str) -> str:
+def _agreement(rows: Iterable[Verdict], top: str) -> str:
     """Return how often the model's verdict on the complete machine is that of the measured one."""
     modelled = {}
     measured = {}
     for row in rows:
-        if row.together and row.rung == top:
+        if row.group == UP_TO and row.step == top:
             modelled[row.law] = row.kept
-        if row.rung == MEASURED:
+        if row.step == MEASURED:
             measured[row.law] = row.kept
     if not measured:
         return ""
@@ -86,9 +86,9 @@ def _agreement(rows: Iterable[RungResult], top: str) -> str:
     return f" The measured machine agrees with the model on {agree} of {len(measured)} laws."
 
 
-def answer_table(studied: Ladder, rows: Sequence[RungResult], condition: Condition) -> Table:
+def answer_table(studied: Ladder, rows: Sequence[Verdict], condition: Condition) -> Table:
     """Return which laws pass every rung and the complete machine, and where each breaks first."""
-    climbed = ways(rows, condition.name)
+    climbed = climbs(rows, condition.name)
     top = studied.climbing[-1].name
     ordered = sorted(climbed, key=lambda law: _height(climbed[law]), reverse=True)
     output, input_unit = studied.units
@@ -101,7 +101,7 @@ def answer_table(studied: Ladder, rows: Sequence[RungResult], condition: Conditi
     return table(condition.title, columns, [_answer_row(law, climbed[law], top) for law in ordered])
 
 
-def _height(rungs: Sequence[RungResult]) -> int:
+def _height(rungs: Sequence[Verdict]) -> int:
     """Number of rungs below the first that is not kept."""
     failed = first_failed(rungs)
     if failed is None:
@@ -109,13 +109,13 @@ def _height(rungs: Sequence[RungResult]) -> int:
     return rungs.index(failed)
 
 
-def _answer_row(law: str, rungs: Sequence[RungResult], top: str) -> list[str]:
+def _answer_row(law: str, rungs: Sequence[Verdict], top: str) -> list[str]:
     """The row of one law, with the swings on the rung where it breaks or on its last."""
     failed = first_failed(rungs)
     last = rungs[-1]
     every = ""
     machine = ""
-    if last.rung == top:
+    if last.step == top:
         every = "yes"
         machine = f"{'yes' if last.kept else 'no'} ({last.cell})"
 
@@ -123,78 +123,44 @@ def _answer_row(law: str, rungs: Sequence[RungResult], top: str) -> list[str]:
     measured = last
     if failed is not None:
         every = "no"
-        breaks = f"{failed.rung}: {failed.reason}"
+        breaks = f"{failed.step}: {failed.words}"
         measured = failed
-    values = (measured.amplitude, measured.frequency, measured.variation)
+    values = [measured.numbers.get(name) for name in ("amplitude", "frequency", "variation")]
     swings = ["" if value is None else number(value) for value in values]
     return [law, every, machine, breaks, *swings]
 
 
-def cell_of(row: RungResult) -> Cell:
-    """Return the cell of a row in the matrix of laws and rungs."""
-    verdict = "failed"
-    broken = row.tightest
-    words = row.reason
-    if row.impossible:
-        verdict = ""
-    elif row.kept:
-        verdict = "kept"
-        broken = ""
-        words = f"{row.share_text} of the limit"
-    elif row.partly:
-        verdict = "partly"
-
-    marks = []
-    if row.partly:
-        marks.append(f"{row.kept_draws} of {row.draws}")
-    if row.hangs_on:
-        marks.append("?")
-        words += f"; turned by {', '.join(row.hangs_on)}"
-    return Cell(
-        law=row.law,
-        step=row.rung,
-        condition=row.condition,
-        verdict=verdict,
-        text=row.cell,
-        broken=broken,
-        mark=" ".join(marks),
-        words=words,
-    )
-
-
-def share_table(
-    studied: Ladder, rows: Sequence[RungResult], condition: str, *, together: bool
-) -> Table:
+def share_table(studied: Ladder, rows: Sequence[Verdict], condition: str, group: str) -> Table:
     """Return laws by rungs: the share of the tightest limit that is used."""
-    cells = [cell_of(row) for row in rows if (row.condition, row.together) == (condition, together)]
-    return verdict_table(_TITLES[together], cells, _headings(studied, together=together))
+    chosen = [row for row in rows if (row.condition, row.group) == (condition, group)]
+    return verdict_table(_TITLES[group], chosen, _headings(studied, group))
 
 
-def _headings(studied: Ladder, *, together: bool) -> dict[str, str]:
+def _headings(studied: Ladder, group: str) -> dict[str, str]:
     """Headings of the rungs, by their names."""
-    rungs = studied.climbing if together else studied.alone
+    rungs = studied.climbing if group == UP_TO else studied.alone
     headings = {rung.name: rung.title for rung in rungs}
-    if together and studied.machine.file.measured:
+    if group == UP_TO and studied.machine.file.measured:
         headings[MEASURED] = MEASURED
     return headings
 
 
-def load_table(studied: Ladder, rows: Sequence[RungResult]) -> Table:
+def load_table(studied: Ladder, rows: Sequence[Verdict]) -> Table:
     """Return laws by conditions: the share on the complete machine."""
     top = studied.climbing[-1].name
     loads = "; ".join(f"{load.name}: {load.title}" for load in studied.conditions[1:])
     title = f"The complete machine, nominally and under load ({loads})"
-    at_the_top = [row for row in rows if row.together and row.rung == top]
-    cells = [cell_of(row)._replace(step=row.condition) for row in at_the_top]
+    at_the_top = [row for row in rows if row.group == UP_TO and row.step == top]
+    by_condition = [row.changed(step=row.condition) for row in at_the_top]
     headings = {condition.name: condition.name for condition in studied.conditions}
-    return verdict_table(title, cells, headings)
+    return verdict_table(title, by_condition, headings)
 
 
-def deviation_table(studied: Ladder, rows: Sequence[RungResult]) -> Table:
+def deviation_table(studied: Ladder, rows: Sequence[Verdict]) -> Table:
     """Return laws by rungs: the distance from the nominal optimum, of laws that follow it."""
     condition = studied.conditions[0].name
     laws = {law.name for law in studied.laws if law.controller.designed.follows_optimum}
-    climbed = [row for row in rows if row.together and row.condition == condition]
+    climbed = [row for row in rows if row.group == UP_TO and row.condition == condition]
     selected = [row for row in climbed if row.law in laws]
 
     unit, _ = studied.units
@@ -203,36 +169,37 @@ def deviation_table(studied: Ladder, rows: Sequence[RungResult]) -> Table:
         unit = f"m{unit}"
         scale = 1e3
     title = f"Largest distance from the nominal optimum [{unit}], of the laws that follow it"
-    cells = [cell_of(row)._replace(text=_deviation_text(row, scale)) for row in selected]
-    return verdict_table(title, cells, {rung.name: rung.name for rung in studied.climbing})
+    headings = {rung.name: rung.name for rung in studied.climbing}
+    return verdict_table(title, selected, headings, text=lambda row: _deviation_text(row, scale))
 
 
-def assumed_table(rows: Sequence[RungResult]) -> Table | None:
+def assumed_table(rows: Sequence[Verdict]) -> Table | None:
     """Return the assumed numbers that turn a verdict, with the change; None without any."""
     cells = []
     for row in rows:
-        if row.hangs_on:
+        if row.turned_by:
             verdict = "kept" if row.kept else "not kept"
-            cells.append([row.law, row.rung, verdict, ", ".join(row.hangs_on)])
+            cells.append([row.law, row.step, verdict, ", ".join(row.turned_by)])
     if not cells:
         return None
     columns = [*names("law"), *words("rung", "verdict"), *text("turned by")]
     return table("Verdicts that an assumed number turns", columns, cells)
 
 
-def _deviation_text(row: RungResult, scale: float) -> str:
-    if row.deviation is not None:
-        return number(row.deviation * scale)
-    if row.tightest == ENDED:
+def _deviation_text(row: Verdict, scale: float) -> str:
+    deviation = row.numbers.get("deviation")
+    if deviation is not None:
+        return number(deviation * scale)
+    if row.ended:
         return "ended"
     return "-"
 
 
-def claims_table(studied: Ladder, rows: Sequence[RungResult], condition: str) -> Table | None:
+def claims_table(studied: Ladder, rows: Sequence[Verdict], condition: str) -> Table | None:
     """Return the rung on which each claim falls, for each law that it is about; None without."""
-    climbed: dict[str, list[RungResult]] = {}
+    climbed: dict[str, list[Verdict]] = {}
     claims: dict[str, None] = {}
-    for law, rungs in ways(rows, condition).items():
+    for law, rungs in climbs(rows, condition).items():
         for row in rungs:
             if row.claims:
                 climbed[law] = rungs
@@ -249,11 +216,11 @@ def claims_table(studied: Ladder, rows: Sequence[RungResult], condition: str) ->
     return table(title, columns, cells, legend=f"{legend}.")
 
 
-def _fate(rungs: Sequence[RungResult], claim: str) -> str:
+def _fate(rungs: Sequence[Verdict], claim: str) -> str:
     """The rung on which a claim falls, or that it stands; empty if it is not judged."""
     row = fallen(rungs, claim)
     if row is not None:
-        return row.rung
+        return row.step
     if any(claim in row.claims for row in rungs):
         return STANDS
     return ""
@@ -268,27 +235,26 @@ def assumed_text(studied: Ladder) -> str:
     return f"* rests on numbers that are assumed: {words}."
 
 
-def charts(studied: Ladder, rows: Sequence[RungResult]) -> dict[str, CellChart]:
+def charts(studied: Ladder, rows: Sequence[Verdict]) -> dict[str, CellChart]:
     """Return the chart of each condition: laws by rungs, one added on top of the other."""
-    cells = [cell_of(row) for row in rows if row.together]
-    headings = _headings(studied, together=True)
-    return charts_by_condition(studied.conditions, cells, headings, climbing=True)
+    climbing = [row for row in rows if row.group == UP_TO]
+    headings = _headings(studied, UP_TO)
+    return charts_by_condition(studied.conditions, climbing, headings, climbing=True)
 
 
-def alone_chart(studied: Ladder, rows: Sequence[RungResult]) -> CellChart | None:
+def alone_chart(studied: Ladder, rows: Sequence[Verdict]) -> CellChart | None:
     """Return the chart of laws by rungs, each alone on the sampled plant; None without any."""
-    cells = [cell_of(row) for row in rows if not row.together]
-    if not cells:
+    alone = [row for row in rows if row.group == ALONE]
+    if not alone:
         return None
-    headings = _headings(studied, together=False)
-    return verdict_chart(_TITLES[False], cells, headings, climbing=False)
+    return verdict_chart(_TITLES[ALONE], alone, _headings(studied, ALONE), climbing=False)
 
 
-def sheets(studied: Ladder, rows: Sequence[RungResult]) -> list[ReportTable]:
+def sheets(studied: Ladder, rows: Sequence[Verdict]) -> list[ReportTable]:
     """Return every table with its charts: answers and claims, shares, loads, distances."""
     parts: list[ReportTable] = []
     for condition in studied.conditions:
-        if ways(rows, condition.name):
+        if climbs(rows, condition.name):
             answer = answer_table(studied, rows, condition)
             parts.append(ReportTable(table=answer, brief=True))
         claims = claims_table(studied, rows, condition.name)
@@ -298,10 +264,10 @@ def sheets(studied: Ladder, rows: Sequence[RungResult]) -> list[ReportTable]:
     alone = alone_chart(studied, rows)
     first, *loads = studied.conditions
     if first.name in climbing:
-        shares = share_table(studied, rows, first.name, together=True)
+        shares = share_table(studied, rows, first.name, UP_TO)
         parts.append(ReportTable(table=shares, charts=[climbing[first.name]]))
     if alone is not None:
-        shares = share_table(studied, rows, first.name, together=False)
+        shares = share_table(studied, rows, first.name, ALONE)
         parts.append(ReportTable(table=shares, charts=[alone]))
 
     if loads:
@@ -316,19 +282,19 @@ def sheets(studied: Ladder, rows: Sequence[RungResult]) -> list[ReportTable]:
 
 
 def _standings(
-    studied: Ladder, rows: Sequence[RungResult], *, complete: bool
+    studied: Ladder, rows: Sequence[Verdict], *, complete: bool
 ) -> Iterator[StudyVerdict]:
     """Yield the first rung on which each law breaks, under the first condition."""
     condition = studied.conditions[0].name
-    for law, rungs in ways(rows, condition).items():
+    for law, rungs in climbs(rows, condition).items():
         failed = first_failed(rungs)
         breaks_at = ""
         answer = "stands on every rung"
-        if any(row.hangs_on for row in rungs):
+        if any(row.turned_by for row in rungs):
             answer += ", but an assumed number turns it"
         if failed is not None:
-            breaks_at = failed.rung
-            answer = f"{failed.reason} ({condition})"
+            breaks_at = failed.step
+            answer = f"{failed.words} ({condition})"
         elif not complete:
             answer += " so far"
         yield StudyVerdict(
@@ -340,17 +306,16 @@ def _standings(
         )
 
 
-def _values(target: str, rows: Sequence[RungResult]) -> Iterator[Value]:
+def _values(target: str, rows: Sequence[Verdict]) -> Iterator[Value]:
     for row in rows:
         if not row.impossible:
-            how = "up to" if row.together else "alone"
-            name = f"{target} {row.condition} {row.law}, {how} {row.rung}"
+            name = f"{target} {row.condition} {row.law}, {row.group} {row.step}"
             yield Value(name=name, value="kept" if row.kept else "not kept")
-            used = finite(row.share_of_the_tightest_limit)
+            used = finite(row.share)
             yield Value(name=f"{name}: share of the limit", value=used, better=-1, relative=0.1)
 
 
-def ladder_result(studied: Ladder, rows: Sequence[RungResult], *, complete: bool) -> Result:
+def ladder_result(studied: Ladder, rows: Sequence[Verdict], *, complete: bool) -> Result:
     """Return the result of a ladder.
 
     Args:
@@ -377,18 +342,18 @@ def ladder_result(studied: Ladder, rows: Sequence[RungResult], *, complete: bool
         climbing=[rung.document() for rung in studied.climbing],
         alone=[rung.document() for rung in studied.alone],
         claims=[_claim_document(studied, claim) for claim in studied.machine.file.claim],
-        climbs=[row.model_dump() for row in rows],
+        verdicts=[row.model_dump() for row in rows],
     )
 
 
-def _answers(studied: Ladder, rows: Sequence[RungResult], *, complete: bool) -> Iterator[Answer]:
+def _answers(studied: Ladder, rows: Sequence[Verdict], *, complete: bool) -> Iterator[Answer]:
     """Yield the verdict under each condition: whether all laws pass the complete machine."""
     top = studied.climbing[-1].name
     for condition in studied.conditions:
-        climbed = ways(rows, condition.name)
+        climbed = climbs(rows, condition.name)
         if not climbed:
             continue
-        at_top = [rungs[-1] for rungs in climbed.values() if rungs[-1].rung == top]
+        at_top = [rungs[-1] for rungs in climbed.values() if rungs[-1].step == top]
         judgement = KEPT
         if not complete:
             judgement = OPEN

@@ -13,16 +13,17 @@ from grosmc_mj.experiments.films import film_of
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.output.films.film import MOST_TAKES, Film, Format
-from grosmc_mj.studies.ladder.draws import run_of
-from grosmc_mj.studies.ladder.ladder import Ladder
-from grosmc_mj.studies.ladder.row import RungResult, first_failed, way
+from grosmc_mj.output.results.verdicts import Verdict, first_failed
+from grosmc_mj.studies.ladder.climb import climbs
+from grosmc_mj.studies.ladder.ladder import Ladder, trial_of
 from grosmc_mj.studies.target import StudiedLaw
+from grosmc_mj.studies.trials import Trials
 
 
 def ladder_film(
     studied: Ladder,
     law: StudiedLaw,
-    rows: Sequence[RungResult],
+    rows: Sequence[Verdict],
     form: Format | None = None,
 ) -> Film:
     """Return a film of a law on MuJoCo's ideal plant, where it breaks first, and at the top.
@@ -45,15 +46,17 @@ def ladder_film(
 
     last = len(rungs) - 1
     breaks_at = last
-    failed = first_failed(way(rows, law.name, condition.name))
+    failed = first_failed(climbs(rows, condition.name).get(law.name, []))
     for index, rung in enumerate(rungs):
-        if failed is not None and rung.name == failed.rung:
+        if failed is not None and rung.name == failed.step:
             breaks_at = index
 
     # The ideal plant, the rung before the law breaks, that rung, and the complete machine.
     indices = sorted({0, max(breaks_at - 1, 0), breaks_at, last})
     chosen = [rungs[index] for index in indices[:MOST_TAKES]]
-    results = [_rigid(run_of(law, rung, condition)) for rung in chosen]
+    trials = Trials("physics", lambda *_: ())
+    runs = [trials.record(trial_of(law, rung, condition)) for rung in chosen]
+    results = [_rigid(run) for run in runs]
     return film_of(results, form, [rung.name for rung in chosen])
 
 

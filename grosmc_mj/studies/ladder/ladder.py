@@ -5,27 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import chain
 from typing import Any
 
-from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.file.schema import ClaimTable
 from grosmc_mj.experiments.file.user_code import is_named, named_in, sources
 from grosmc_mj.experiments.measured import MEASURED, measured_results
-from grosmc_mj.experiments.requirements.judging import of_laws
 from grosmc_mj.experiments.requirements.requirement import Requirement
+from grosmc_mj.experiments.requirements.verdict import verdict_of_judgements
 from grosmc_mj.ground.errors import ArgumentError, GrosmcError, SetupError
-from grosmc_mj.studies.ladder.draws import (
-    JudgedDraw,
-    further_draws,
-    judge_draws,
-    judge_shares,
-    run_of,
-    shown_numbers,
-    turned_by,
-)
-from grosmc_mj.studies.ladder.row import RungResult
+from grosmc_mj.output.results.tables import number
+from grosmc_mj.output.results.verdicts import Verdict, described, over_draws
+from grosmc_mj.studies.ladder.climb import ALONE, UP_TO
 from grosmc_mj.studies.ladder.rungs import Rung, rungs_of, varied_rungs
+from grosmc_mj.studies.ladder.shown import shown_numbers
 from grosmc_mj.studies.study import Advance, Study, StudyCell, dependencies
 from grosmc_mj.studies.target import (
     MACHINE,
@@ -38,12 +31,16 @@ from grosmc_mj.studies.target import (
     judgeable_in,
     limits_in,
 )
+from grosmc_mj.studies.trials import Trial, Trials
+
+# Draws of changed rungs that run together.
+_DRAWS_AT_ONCE = 4
 
 # The design
 
 
 @dataclass(frozen=True, eq=False)
-class Ladder(Study[RungResult]):
+class Ladder(Study[Verdict]):
     """A target, ready to be climbed.
 
     Attributes:
@@ -59,7 +56,7 @@ class Ladder(Study[RungResult]):
     """
 
     kind = "ladder"
-    row = RungResult
+    row = Verdict
     unit = "rungs"
 
     experiment: Experiment
@@ -87,7 +84,7 @@ class Ladder(Study[RungResult]):
         """The machine."""
         return self.machine
 
-    def cells(self) -> list[StudyCell[RungResult]]:
+    def cells(self) -> list[StudyCell[Verdict]]:
         """Return a cell for each run; it depends on its own condition alone."""
         configuration = self.configuration()
         depends_on = {
@@ -112,13 +109,9 @@ class Ladder(Study[RungResult]):
         condition: Condition,
         together: bool,
         _: Advance,
-    ) -> RungResult:
+    ) -> Verdict:
         """Return the row of a step; it is too short to tell how far it is."""
         return run_rung(self, law, rung, condition, together=together)
-
-    def draws_of(self, rung: Rung) -> range:
-        """Return the numbers of the draws of a rung: one where nothing is drawn."""
-        return range(self.draws if rung.loop.drawn else 1)
 
     def varied_rungs_of(self, rung: Rung, condition: Condition) -> Mapping[str, Rung]:
         """Return the rung by each change of an assumed number; under the first condition alone."""
@@ -207,6 +200,20 @@ def ladder(
 # Runs: each gives a row
 
 
+def trial_of(law: StudiedLaw, rung: Rung, condition: Condition) -> Trial:
+    """Return a law on a rung as a trial.
+
+    Raises:
+        GrosmcError: If the law cannot be designed.
+    """
+    experiment = condition.experiment
+    control_period = None if rung.sampled else experiment.settings.timestep
+    if rung.sampled:
+        law = law.designed_for(rung.plant, experiment)
+    loop = rung.loop if rung.looped else None
+    return Trial(law, condition, loop, control_period, rung.parts)
+
+
 def run_rung(
     studied: Ladder,
     law: StudiedLaw,
@@ -214,81 +221,125 @@ def run_rung(
     condition: Condition,
     *,
     together: bool,
-) -> RungResult:
+) -> Verdict:
     """Run a law on a rung, in all draws and with other assumed numbers, and judge the runs.
 
     Raises:
         SetupError: If the computer, not the law, is at fault.
     """
-    row = RungResult(law=law.name, rung=rung.name, together=together, condition=condition.name)
-    limits = limits_in(studied.experiment.file.requirement, law, condition, [rung.plant])
-    limits = judgeable_in(limits, rung.loop, studied.machine.loop)
-    claims = _claims_about(studied.machine, law, condition, rung)
     try:
-        run = run_of(law, rung, condition)
-        measured_limits = [*limits, *chain.from_iterable(claims.values())]
-        further = further_draws(law, rung, condition, measured_limits, studied.draws_of(rung))
+        verdict = _judge_rung(studied, law, rung, condition, together=together)
     except SetupError:
         raise
     except GrosmcError as error:
-        return row.model_copy(update={"impossible": str(error)})
+        verdict = described(Verdict(impossible=str(error)))
+    return verdict.changed(
+        law=law.name,
+        step=rung.name,
+        condition=condition.name,
+        group=UP_TO if together else ALONE,
+    )
 
-    draws = judge_draws(run, further, limits)
-    worst = max(draws, key=lambda draw: draw.share)
-    claimed = {}
-    for name, limits_of_claim in claims.items():
-        judged = judge_draws(run, further, limits_of_claim)
-        claimed[name] = max(draw.share for draw in judged)
-    measured = {
-        "draws": len(draws),
-        "kept_draws": sum(draw.kept for draw in draws),
-        "share_of_the_tightest_limit": worst.share,
-        "tightest": worst.tightest,
-        "shares": worst.shares,
-        "claims": claimed,
-    }
-    if not run.ended:
-        measured |= shown_numbers(run, limits, worst)
+
+def _judge_rung(
+    studied: Ladder, law: StudiedLaw, rung: Rung, condition: Condition, *, together: bool
+) -> Verdict:
+    """Return the verdict on a law on a rung.
+
+    Raises:
+        GrosmcError: If there can be no such run.
+    """
+    limits = limits_in(studied.experiment.file.requirement, law, condition, [rung.plant])
+    limits = judgeable_in(limits, rung.loop, studied.machine.loop)
+    claims = _claims_about(studied.machine, law, condition, rung)
+    trials = Trials(rung.plant, lambda *_: limits, studied.draws, claims=lambda *_: claims)
+    trial = trial_of(law, rung, condition)
+    run = trials.record(trial)
+    draws = trials.all_draws(trial)
+    verdict = over_draws(draws)
+
+    optimum_settles = _optimum_settles(run, limits, verdict)
+    more = ""
+    if optimum_settles is not None:
+        more = f"the nominal optimum needs {number(optimum_settles)} s"
+    verdict = described(verdict, more)
+
+    turned: tuple[str, ...] = ()
     if together:
-        worst_first = sorted(range(len(draws)), key=lambda i: draws[i].share, reverse=True)
-        changed = studied.varied_rungs_of(rung, condition)
-        measured["hangs_on"] = turned_by(
-            law, condition, limits, changed, worst_first, kept=worst.kept
-        )
-    return row.model_copy(update=measured)
+        changed = {
+            change: trial_of(law, varied, condition)
+            for change, varied in studied.varied_rungs_of(rung, condition).items()
+        }
+        worst_first = sorted(draws, key=lambda draw: draw.share, reverse=True)
+        numbers = [draw.draw for draw in worst_first]
+        # No verdict depends on a claim.
+        unclaimed = Trials(rung.plant, lambda *_: limits, studied.draws)
+        turned = turned_by(unclaimed, changed, numbers, kept=verdict.kept)
+    shown = {**shown_numbers(run), "optimum_settles": optimum_settles}
+    return verdict.changed(turned_by=turned, numbers=shown)
 
 
-def measured_rows(studied: Ladder) -> list[RungResult]:
+def turned_by(
+    trials: Trials, changed: Mapping[str, Trial], draws: Sequence[int], *, kept: bool
+) -> tuple[str, ...]:
+    """Return the changes of assumed numbers that turn the verdict of a rung.
+
+    Each changed rung is run in the worst draw. If that is kept and the rung is not, the change
+    must keep all other draws, too.
+
+    Args:
+        trials: Runs the trials.
+        changed: The rung with another number, by the change.
+        draws: Numbers of all draws, the worst first.
+        kept: Whether the rung keeps all requirements.
+    """
+    worst = trials.results([(trial, draws[0]) for trial in changed.values()])
+    keeping = [change for change, draw in zip(changed, worst, strict=True) if draw.kept]
+    if kept:
+        return tuple(change for change in changed if change not in keeping)
+
+    # A few draws at a time, for the first that fails decides.
+    for first in range(1, len(draws), _DRAWS_AT_ONCE):
+        some = draws[first : first + _DRAWS_AT_ONCE]
+        trials.results([(changed[change], draw) for change in keeping for draw in some])
+        keeping = [
+            change
+            for change in keeping
+            if all(trials.known[changed[change], draw].kept for draw in some)
+        ]
+    return tuple(keeping)
+
+
+def _optimum_settles(
+    run: RunResult, limits: Sequence[Requirement], verdict: Verdict
+) -> float | None:
+    """Settling time of the nominal optimum [s], if the law does not settle in time."""
+    for limit in limits:
+        if limit.name == verdict.broken and not run.ended:
+            optimum = limit.of_optimum(run)
+            return None if optimum is None else optimum.value
+    return None
+
+
+def measured_rows(studied: Ladder) -> list[Verdict]:
     """Judge the logs of the real machine that the case names: a row for each law of a log.
 
     Raises:
         ArgumentError: If a log cannot be read or is too short.
     """
     laws = {law.name for law in studied.laws}
-    draws_of: dict[str, list[JudgedDraw]] = {}
+    logs_of: dict[str, list[Verdict]] = {}
     for result in measured_results(studied.machine):
         if result.controller.name in laws:
-            judged = result.requirements
-            limits = of_laws([item.requirement for item in judged], laws)
-            shares = {limit.name: item.share for limit, item in zip(limits, judged, strict=True)}
-            draws_of.setdefault(result.controller.name, []).append(judge_shares(shares))
+            verdict = verdict_of_judgements(result.requirements)
+            logs_of.setdefault(result.controller.name, []).append(verdict)
 
     rows = []
-    for law, logs in draws_of.items():
-        worst = max(logs, key=lambda log: log.share)
-        rows.append(
-            RungResult(
-                law=law,
-                rung=MEASURED,
-                together=True,
-                condition=studied.conditions[0].name,
-                draws=len(logs),
-                kept_draws=sum(log.kept for log in logs),
-                share_of_the_tightest_limit=worst.share,
-                tightest=worst.tightest,
-                shares=worst.shares,
-            )
+    for law, logs in logs_of.items():
+        verdict = over_draws(logs).changed(
+            law=law, step=MEASURED, condition=studied.conditions[0].name, group=UP_TO
         )
+        rows.append(described(verdict))
     return rows
 
 

@@ -7,8 +7,9 @@ from typing import Any
 
 from grosmc_mj.output.results.result import ReportTable
 from grosmc_mj.output.results.tables import Table, markdown_table, words
+from grosmc_mj.output.results.verdicts import Verdict, first_failed
 from grosmc_mj.studies.ladder.answer import CLAIMS
-from grosmc_mj.studies.ladder.row import RungResult, first_failed, way
+from grosmc_mj.studies.ladder.climb import climbs
 
 # Laws for people, by the names that they have in the ladders: of the adaptive gain where a rival
 # has its name, and elsewhere.
@@ -57,19 +58,19 @@ def _failures_text(documents: Sequence[Mapping[str, Any]], laws: Sequence[str]) 
 
 def _first_failure(document: Mapping[str, Any], names: Sequence[str]) -> str:
     """The first rung on which a law fails, with the draws that keep it; empty without the law."""
-    results = [RungResult.model_validate(row) for row in document["climbs"]]
-    condition = document["conditions"][0]["name"]
+    rows = [Verdict.model_validate(row) for row in document["verdicts"]]
+    climbed = climbs(rows, document["conditions"][0]["name"])
     for name in names:
-        rungs = way(results, name, condition)
-        if not rungs:
+        if name not in climbed:
             continue
+        rungs = climbed[name]
         failed = first_failed(rungs)
         if failed is None:
-            return "kept?" if any(row.hangs_on for row in rungs) else "kept"
-        words_of_failure = failed.rung
+            return "kept?" if any(row.turned_by for row in rungs) else "kept"
+        words_of_failure = failed.step
         if failed.partly:
             words_of_failure += f" ({failed.kept_draws} of {failed.draws})"
-        return f"{words_of_failure}?" if failed.hangs_on else words_of_failure
+        return f"{words_of_failure}?" if failed.turned_by else words_of_failure
     return ""
 
 

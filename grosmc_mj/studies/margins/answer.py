@@ -19,12 +19,11 @@ from grosmc_mj.output.results.result import (
     result,
 )
 from grosmc_mj.output.results.tables import Table, names, number, numbers, phrases, table, words
-from grosmc_mj.studies.margins.changes import DELAY, GAIN_DOWN, GAIN_UP
+from grosmc_mj.studies.margins.changes import DELAY, GAIN_DOWN, GAIN_UP, milliseconds
 from grosmc_mj.studies.margins.chatter import Chatter
 from grosmc_mj.studies.margins.figure import charts
 from grosmc_mj.studies.margins.margins import MarginStudy, Setup
-from grosmc_mj.studies.margins.row import LEVELS, SEED, LawMargins, in_draws, shared_level, together
-from grosmc_mj.studies.margins.task import TaskMargin
+from grosmc_mj.studies.margins.row import LEVELS, SEED, LawMargins, shared_level, together
 
 LEGEND = (
     "gain down, gain up, delay: the largest change with which all draws keep the task, and the "
@@ -51,23 +50,18 @@ def verdict(rows: Sequence[LawMargins]) -> str:
     for row in rows:
         worst = row.worst_of_task(DELAY)
         if row.setup == setup and worst is not None:
-            delays[row.law] = worst.kept
-    failing = [row.law for row in rows if row.setup == setup and not row.task]
+            delays[row.law] = worst.largest_kept or 0.0
+    failing = [row.law for row in rows if row.setup == setup and not row.changes]
     first = f"Without any change {', '.join(failing)}: not kept. " if failing else ""
     if not delays:
         return f"{setup}: no law keeps its task."
 
     least = min(delays, key=delays.__getitem__)
     most = max(delays, key=delays.__getitem__)
-    sentence = f"{first}{setup}: {least} tolerates {_milliseconds(delays[least])} ms more delay"
+    sentence = f"{first}{setup}: {least} tolerates {milliseconds(delays[least])} ms more delay"
     if most != least:
-        sentence += f", {most} {_milliseconds(delays[most])} ms"
+        sentence += f", {most} {milliseconds(delays[most])} ms"
     return f"{sentence}."
-
-
-def _milliseconds(delay: float) -> str:
-    """Write a delay of whole timesteps, without a loss of digits [ms]."""
-    return f"{1e3 * delay:.6g}"
 
 
 # -- the table of a setup --------------------------------------------------------------------------
@@ -100,7 +94,8 @@ def margin_table(setup: Setup, rows: Sequence[LawMargins]) -> Table:
     for row in rows:
         law = row.law
         if row.refused:
-            law += f" (not {', '.join(row.refused)})"
+            conditions = ", ".join(refused.condition for refused in row.refused)
+            law += f" (not {conditions})"
         of_task = [_task_text(row, kind, nominal) for kind in (GAIN_DOWN, GAIN_UP, DELAY)]
         cells.append([law, *of_task, *_input_cells(row, shared, several)])
     return table(title, columns, cells)
@@ -108,7 +103,7 @@ def margin_table(setup: Setup, rows: Sequence[LawMargins]) -> Table:
 
 def _draws_words(rows: Sequence[LawMargins]) -> str:
     """Number of draws of a setup in words; empty where nothing is drawn."""
-    draws = max((margin.draws for row in rows for margin in row.task), default=1)
+    draws = max((margin.draws for row in rows for margin in row.changes), default=1)
     return f"{draws} draws; " if draws > 1 else ""
 
 
@@ -117,20 +112,9 @@ def _task_text(row: LawMargins, kind: str, nominal: str) -> str:
     worst = row.worst_of_task(kind)
     if worst is None:
         return "-"
-    text = _change_text(worst)
-    if math.isfinite(worst.failed) and worst.condition != nominal:
-        text += f" {worst.condition}"
-    return text
-
-
-def _change_text(margin: TaskMargin) -> str:
-    """The largest change that is kept: a factor, or milliseconds."""
-    at_least = "" if math.isfinite(margin.failed) else "≥"
-    if margin.kind == GAIN_DOWN:
-        return f"{at_least.replace('≥', '≤')}1/{number(margin.kept)}"
-    if margin.kind == DELAY:
-        return f"{at_least}{_milliseconds(margin.kept)}"
-    return f"{at_least}{number(margin.kept)}"
+    if worst.smallest_failed is not None and worst.condition != nominal:
+        return f"{worst.text} {worst.condition}"
+    return worst.text
 
 
 def _input_cells(row: LawMargins, shared: int | None, several: bool) -> list[str]:
@@ -256,14 +240,11 @@ def _task_table(setup: Setup, rows: Sequence[LawMargins]) -> Table:
     """Return the margins of the task under each condition, and what breaks."""
     cells = []
     for row in rows:
-        for margin in row.task:
-            kept = _change_text(margin)
-            breaks = ""
-            if margin.breaks:
-                breaks = in_draws(margin.breaks, margin.failing_draws, margin.draws)
-            cells.append([row.law, margin.condition, margin.kind, kept, breaks])
-        for condition, breaks in row.refused.items():
-            cells.append([row.law, condition, "as it is", "not kept", breaks])
+        of_task = [*row.changes, *row.refused]
+        cells += [
+            [row.law, verdict.condition, verdict.step, verdict.text, verdict.words]
+            for verdict in of_task
+        ]
     columns = words("law", "under", "change", "kept up to", "then breaks")
     return table(f"{setup.name}: the task under each condition", columns, cells, grouped=True)
 
@@ -325,11 +306,11 @@ def margins_result(studied: MarginStudy, rows: Sequence[LawMargins], *, complete
 
 def _standing(row: LawMargins, *, complete: bool) -> StudyVerdict:
     """The conditions under which a law breaks without any change."""
-    reasons = [f"{condition}: {breaks}" for condition, breaks in row.refused.items()]
+    reasons = [f"{refused.condition}: {refused.words}" for refused in row.refused]
     return StudyVerdict(
         case=row.setup,
         law=row.law,
-        breaks_at=", ".join(row.refused),
+        breaks_at=", ".join(refused.condition for refused in row.refused),
         words="; ".join(reasons),
         complete=complete,
     )
@@ -339,9 +320,9 @@ def _values(rows: Sequence[LawMargins]) -> Iterator[Value]:
     """Margins that two results are compared by."""
     for row in rows:
         name = f"{row.setup.replace(',', '')} {row.law}"
-        for margin in row.task:
-            of_task = f"{name} {margin.condition}: {margin.kind}"
-            yield Value(name=of_task, value=margin.kept, better=1, relative=0.1)
+        for change in row.changes:
+            of_task = f"{name} {change.condition}: {change.step}"
+            yield Value(name=of_task, value=change.largest_kept, better=1, relative=0.1)
         for level in row.levels:
             if not level.doubt:
                 disk = finite(level.margins.disk)

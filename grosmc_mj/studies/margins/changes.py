@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
+from grosmc_mj.output.results.tables import number
 from grosmc_mj.simulation.loop import Actuator, Loop
-from grosmc_mj.studies.sweep.search import Search
+from grosmc_mj.studies.sweep.search import Search, grid_of
 
 GAIN_DOWN = "gain down"
 GAIN_UP = "gain up"
@@ -46,39 +47,50 @@ def changed(
 
 
 class ChangeSearch(Search):
-    """Search for the largest change of one kind; a delay is counted in timesteps.
+    """Search for the largest change of a loop, of one kind; a delay is counted in timesteps.
 
     A factor that is tried has three digits: what is printed has been run.
 
     Args:
         kind: ``gain down``, ``gain up`` or ``delay``.
+        loop: The loop as it is.
+        inputs: Names of the plant's inputs.
         timestep: [s].
 
     Attributes:
         kind: The kind.
     """
 
-    def __init__(self, kind: str, timestep: float) -> None:
+    def __init__(self, kind: str, loop: Loop, inputs: Sequence[str], timestep: float) -> None:
         self.kind = kind
+        self._loop = loop
+        self._inputs = inputs
         self._timestep = timestep
         most = MOST
-        step = 0.0
+        per_octave = _OF_GAIN
+        without = 1.0
         if kind == DELAY:
             # A power of two, so that all that is tried is whole.
             most = 2.0 ** math.floor(math.log2(_LONGEST / timestep))
-            step = 1.0
+            per_octave = 1
+            without = 0.0
         super().__init__(
+            self._middle_of,
             most,
-            middle=lambda low, high: self._tried((low + high) / 2),
-            narrow=lambda low, high: high - low <= max(step, _RESOLUTION * low),
             least=1.0,
-            per_octave=1 if kind == DELAY else _OF_GAIN,
+            grid=[self._tried(factor) for factor in grid_of(1.0, most, per_octave)],
+            beyond=MOST,
+            finer=[self._tried(factor) for factor in grid_of(1.0, most, _FINE)],
         )
         # No change.
-        self.known[1.0 - step] = True
+        self.known[without] = True
 
-    def _grid(self, per_octave: int) -> list[float]:
-        return [self._tried(factor) for factor in super()._grid(per_octave)]
+    def _middle_of(self, low: float, high: float) -> float | None:
+        """The factor to try between two; None if they are near enough."""
+        step = 1.0 if self.kind == DELAY else 0.0
+        if high - low <= max(step, _RESOLUTION * low):
+            return None
+        return self._tried((low + high) / 2)
 
     def _tried(self, factor: float) -> float:
         """The factor that is tried in place of another one."""
@@ -90,12 +102,12 @@ class ChangeSearch(Search):
         """Change for a factor of the search: a factor, or a delay [s]."""
         return factor * self._timestep if self.kind == DELAY else factor
 
-    def loop(self, loop: Loop, inputs: Sequence[str], factor: float) -> Loop:
+    def at(self, factor: float) -> Loop:
         """Loop with the change for a factor of the search."""
         if self.kind == DELAY:
-            return changed(loop, inputs, delay=self.size(factor))
+            return changed(self._loop, self._inputs, delay=self.size(factor))
         gain = 1 / factor if self.kind == GAIN_DOWN else factor
-        return changed(loop, inputs, gain=gain)
+        return changed(self._loop, self._inputs, gain=gain)
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -104,28 +116,18 @@ class ChangeSearch(Search):
         failed = math.inf if self.failed is None else self.failed
         return self.size(self.largest), self.size(failed)
 
+    @property
+    def text(self) -> str:
+        """The largest change that passes: a factor, or milliseconds."""
+        passes, _ = self.bounds
+        at_least = "≥" if self.failed is None else ""
+        if self.kind == GAIN_DOWN:
+            return f"{at_least.replace('≥', '≤')}1/{number(passes)}"
+        if self.kind == DELAY:
+            return f"{at_least}{milliseconds(passes)}"
+        return f"{at_least}{number(passes)}"
 
-def search_changes(
-    searches: Sequence[ChangeSearch],
-    loop: Loop,
-    inputs: Sequence[str],
-    passing: Callable[[Sequence[Loop]], Sequence[bool]],
-) -> None:
-    """Run searches to their ends.
 
-    Args:
-        searches: The searches.
-        loop: The loop as it is.
-        inputs: Names of the plant's inputs.
-        passing: Tells which of some loops pass; those of a round are asked for together.
-    """
-    while True:
-        tried = []
-        for search in searches:
-            factors = search.on_grid(MOST) or search.finely(_FINE)
-            tried += [(search, factor) for factor in factors]
-        if not tried:
-            return
-        loops = [search.loop(loop, inputs, factor) for search, factor in tried]
-        for (search, factor), passes in zip(tried, passing(loops), strict=True):
-            search.known[factor] = passes
+def milliseconds(delay: float) -> str:
+    """Write a delay of whole timesteps, without a loss of digits [ms]."""
+    return f"{1e3 * delay:.6g}"

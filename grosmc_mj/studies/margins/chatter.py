@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,8 +10,9 @@ import numpy as np
 from grosmc_mj.simulation.disturbances import Table
 from grosmc_mj.simulation.loop import Loop
 from grosmc_mj.simulation.trajectory import Status
-from grosmc_mj.studies.margins.changes import DELAY, GAIN_UP, ChangeSearch, search_changes
+from grosmc_mj.studies.margins.changes import DELAY, GAIN_UP, ChangeSearch
 from grosmc_mj.studies.margins.sensitivity import Place, RunningLoop
+from grosmc_mj.studies.sweep.search import run_searches
 
 # A pulse of one control period starts what may chatter [share of the input's size].
 _PULSE = 0.01
@@ -70,15 +71,15 @@ def chatter(
         duration: Length of a run [s].
     """
 
-    def quiet(loops: Sequence[Loop]) -> list[bool]:
-        return [is_quiet(running(parts), place, size, duration) for parts in loops]
+    def quiet(parts: Loop) -> bool:
+        return is_quiet(running(parts), place, size, duration)
 
-    if not quiet([loop])[0]:
+    if not quiet(loop):
         return Chatter(True, 1.0, 0.0)
 
     as_is = running(loop)
-    searches = [ChangeSearch(kind, as_is.timestep) for kind in (GAIN_UP, DELAY)]
     inputs = [signal.name for signal in as_is.plant.system.inputs]
-    search_changes(searches, loop, inputs, quiet)
+    searches = [ChangeSearch(kind, loop, inputs, as_is.timestep) for kind in (GAIN_UP, DELAY)]
+    run_searches(searches, lambda tried: [quiet(search.at(factor)) for search, factor in tried])
     gain, delay = [search.bounds[1] for search in searches]
     return Chatter(False, gain, delay)

@@ -13,16 +13,18 @@ import numpy as np
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.user_code import is_named, sources
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, GrosmcError, SetupError
 from grosmc_mj.ground.units import number_in, typed_number
 from grosmc_mj.mechanics.machine import MachinePart
 from grosmc_mj.output.results.tables import number
+from grosmc_mj.output.results.verdicts import Verdict
 from grosmc_mj.simulation.disturbances import Table as Injected
 from grosmc_mj.simulation.loop import Loop
 from grosmc_mj.studies.margins.chatter import chatter
 from grosmc_mj.studies.margins.multisine import multisine
-from grosmc_mj.studies.margins.row import LEVELS, SEED, LawMargins, Level, in_draws
+from grosmc_mj.studies.margins.row import LEVELS, SEED, LawMargins, Level
 from grosmc_mj.studies.margins.sensitivity import (
     LEAVES,
     REALIZATIONS,
@@ -30,7 +32,7 @@ from grosmc_mj.studies.margins.sensitivity import (
     RunningLoop,
     measure_with_tests,
 )
-from grosmc_mj.studies.margins.task import Task, TaskMargin
+from grosmc_mj.studies.margins.task import task_margins
 from grosmc_mj.studies.study import Advance, Study, StudyCell, dependencies
 from grosmc_mj.studies.target import (
     BENCH,
@@ -44,6 +46,7 @@ from grosmc_mj.studies.target import (
     limits_in,
     of_system,
 )
+from grosmc_mj.studies.trials import Trials
 
 IDEAL = "ideal loop"
 # The largest injection, over the limit of the input or over the range of a state in its task.
@@ -90,20 +93,10 @@ class Setup:
             return "corrected"
         return self.case.nominal.truest
 
-    def task(self, law: StudiedLaw, condition: Condition, draws: int = 1) -> Task:
-        """Return the task of a law under a condition, run in so many draws."""
-        experiment = condition.experiment
+    def limits(self, law: StudiedLaw, condition: Condition) -> tuple[Requirement, ...]:
+        """Return the limits that a law must keep in the loop."""
         limits = limits_in(self.case.file.requirement, law, condition, [self.plant_name])
-        return Task(
-            condition.name,
-            experiment,
-            experiment.plant(self.plant_name),
-            self.plant_name,
-            law.controller,
-            law.predict,
-            judgeable_in(limits, self.loop, self.case.loop),
-            draws,
-        )
+        return judgeable_in(limits, self.loop, self.case.loop)
 
     def running(self, law: StudiedLaw, loop: Loop) -> RunningLoop:
         """Return a law on the nominal plant, where its reference is kept.
@@ -272,14 +265,14 @@ def law_margins(
     places = studied.places(setup)
     multisine(studied.period or setup.nominal.duration, setup.nominal.settings.control_period)
     try:
-        refused, margins = _task_margins(studied, setup, law, lambda at: advance(f"{name}: {at}"))
+        task = _task_margins(studied, setup, law, lambda at: advance(f"{name}: {at}"))
         measured = _signals(studied, setup, law, places, lambda at: advance(f"{name}: {at}"))
     except SetupError:
         raise
     except GrosmcError as error:
         return row.model_copy(update={"impossible": str(error)})
 
-    row = row.model_copy(update={"refused": refused, "task": margins, **measured})
+    row = row.model_copy(update={"task": task, **measured})
     asked_for = law.base in setup.case.controllers or law.name in studied.chosen
     if studied.injection and asked_for:
         _require_in_region(row)
@@ -288,20 +281,15 @@ def law_margins(
 
 def _task_margins(
     studied: MarginStudy, setup: Setup, law: StudiedLaw, advance: Advance
-) -> tuple[dict[str, str], list[TaskMargin]]:
-    """Return what breaks without any change, by condition, and the margins under the others."""
-    refused: dict[str, str] = {}
-    margins: list[TaskMargin] = []
+) -> list[Verdict]:
+    """Return the verdicts on the task of a law under each condition."""
+    trials = Trials(setup.plant_name, setup.limits, studied.draws)
+    task: list[Verdict] = []
     for condition in setup.conditions:
         advance(f"{condition.name}: task")
-        task = setup.task(law, condition, studied.draws)
-        (breaks,) = task.breaking([task.loop])
-        if breaks:
-            failing = task.failing_draws(task.loop)
-            refused[condition.name] = in_draws(breaks, failing, len(task.draw_numbers))
-        else:
-            margins += task.margins()
-    return refused, margins
+        rows = task_margins(trials, law, condition)
+        task += [row.changed(group=setup.name) for row in rows]
+    return task
 
 
 def _signals(

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
+from grosmc_mj.output.results.verdicts import Verdict
 from grosmc_mj.studies.margins.chatter import Chatter
 from grosmc_mj.studies.margins.frequency_response import Margins, disk_together
 from grosmc_mj.studies.margins.sensitivity import AGREES, FEWEST
-from grosmc_mj.studies.margins.task import TaskMargin
+from grosmc_mj.studies.margins.task import AS_IS
 
 # Sizes of the injections, over the largest: half decades.
 LEVELS = 10 ** np.linspace(-2, 0, 5)
@@ -62,8 +63,7 @@ class LawMargins(BaseModel):
         setup: Name of the setup.
         law: Name of the law.
         impossible: Why there can be no such run; empty if there can.
-        refused: What breaks without any change, by the condition under which it does.
-        task: Margins of the task.
+        task: Verdicts on the task under each condition, see ``task_margins``.
         chatter: Where chatter begins; None of a law that does not switch.
         levels: S at all places and amplitudes.
     """
@@ -72,15 +72,24 @@ class LawMargins(BaseModel):
     setup: str
     law: str
     impossible: str = ""
-    refused: dict[str, str] = {}
-    task: list[TaskMargin] = []
+    task: list[Verdict] = []
     chatter: Chatter | None = None
     levels: list[Level] = []
 
-    def worst_of_task(self, kind: str) -> TaskMargin | None:
+    @property
+    def changes(self) -> list[Verdict]:
+        """The largest changes that are kept."""
+        return [row for row in self.task if row.step != AS_IS]
+
+    @property
+    def refused(self) -> list[Verdict]:
+        """The verdicts on a task that is not kept without any change."""
+        return [row for row in self.task if row.step == AS_IS]
+
+    def worst_of_task(self, kind: str) -> Verdict | None:
         """Return the least margin of a kind over the conditions; None of a task not kept."""
-        of_kind = [margin for margin in self.task if margin.kind == kind]
-        return min(of_kind, key=lambda margin: margin.kept, default=None)
+        of_kind = [row for row in self.task if row.step == kind]
+        return min(of_kind, key=lambda row: row.largest_kept or 0.0, default=None)
 
     @property
     def of_inputs(self) -> list[Level]:
@@ -138,13 +147,6 @@ class LawMargins(BaseModel):
         if difference <= AGREES * low or difference <= errors:
             return None
         return least, largest
-
-
-def in_draws(reason: str, failing: int, draws: int) -> str:
-    """Write what breaks, with the draws in which it does unless it does in all of them."""
-    if failing == draws:
-        return reason
-    return f"{reason} in {failing} of {draws} draws"
 
 
 def shared_level(rows: Sequence[LawMargins]) -> int | None:

@@ -19,8 +19,8 @@ from grosmc_mj.output.results.result import (
     result,
 )
 from grosmc_mj.output.results.tables import Table, number
+from grosmc_mj.output.results.verdicts import Verdict, by_law
 from grosmc_mj.studies.matrix import (
-    Cell,
     charts_by_condition,
     conditions_document,
     law_document,
@@ -28,9 +28,9 @@ from grosmc_mj.studies.matrix import (
 )
 from grosmc_mj.studies.target import StudiedLaw
 from grosmc_mj.studies.tolerance.imperfections import ALL, Imperfection
-from grosmc_mj.studies.tolerance.row import Tolerance
 from grosmc_mj.studies.tolerance.search import FINER, PER_OCTAVE, RESOLUTION
 from grosmc_mj.studies.tolerance.tolerance import ToleranceStudy
+from grosmc_mj.studies.tolerance.words import amount_text, only_without, reason, weakness
 
 _STEP = f"{100 * (2 ** (1 / PER_OCTAVE) - 1):.0f} %"
 _FINER_STEP = f"{100 * (2 ** (1 / FINER) - 1):.0f} %"
@@ -47,125 +47,120 @@ NOTE = (
 )
 # Letters in a line of a header.
 _LETTERS = 12
+# Imperfections by name.
+Kinds = Mapping[str, Imperfection]
 
 
-def kept_ideally(rows: Iterable[Tolerance]) -> set[tuple[str, str]]:
-    """Return laws with the conditions under which each keeps all without any imperfection."""
-    sized = [row for row in rows if row.imperfection.amounts]
-    return {(row.law, row.condition) for row in sized if row.kept_ideally}
+def kept_ideally(rows: Iterable[Verdict], kinds: Kinds) -> set[tuple[str, str]]:
+    """Return laws with the conditions under which each keeps all without any imperfection.
+
+    Args:
+        rows: The tolerances.
+        kinds: The imperfections, by name.
+    """
+    sized = [row for row in rows if kinds[row.step].amounts]
+    return {(row.law, row.condition) for row in sized if row.largest_kept is not None}
 
 
-def least_of(rows: Sequence[Tolerance]) -> dict[tuple[str, str], Tolerance]:
+def least_of(rows: Sequence[Verdict], kinds: Kinds) -> dict[tuple[str, str], Verdict]:
     """Return the least by law and imperfection, over the conditions that the law stands."""
-    least: dict[tuple[str, str], Tolerance] = {}
-    ideal = kept_ideally(rows)
+    least: dict[tuple[str, str], Verdict] = {}
+    ideal = kept_ideally(rows, kinds)
     for row in rows:
         if (row.law, row.condition) in ideal:
-            key = row.law, row.imperfection.name
-            least[key] = min(
-                least.get(key, row), row, key=lambda row: (row.weakness, row.largest_kept)
-            )
+            key = row.law, row.step
+            least[key] = min(least.get(key, row), row, key=_strength)
     return least
 
 
-def verdict(rows: Sequence[Tolerance]) -> str:
-    """Return one sentence: which law breaks first, at which amount of which imperfection."""
-    broken = [
-        row for row in rows if row.kept_ideally and row.smallest_failed and row.imperfection.single
-    ]
+def _strength(row: Verdict) -> tuple[float, float]:
+    """Key by which tolerances are compared."""
+    return weakness(row), row.largest_kept or 0.0
+
+
+def verdict(rows: Sequence[Verdict], kinds: Kinds) -> str:
+    """Return one sentence: which law breaks first, at which amount of which imperfection.
+
+    Args:
+        rows: The tolerances.
+        kinds: The imperfections, by name.
+    """
+    broken = [row for row in rows if row.smallest_failed and kinds[row.step].single]
     if not broken:
         return "No single imperfection that was tried breaks what a law keeps without it."
 
-    worst = min(broken, key=lambda row: row.weakness)
-    kept = f"up to {_beside_bench(worst, worst.largest_kept)}"
-    if worst.none:
-        kept = "only without it"
+    worst = min(broken, key=weakness)
+    kind = kinds[worst.step]
+    kept = "only without it"
+    if worst.largest_kept and not only_without(worst, kind):
+        kept = f"up to {_beside_bench(kind, worst.largest_kept)}"
     where = ""
     if worst.condition != "nominal":
         where = f" under {worst.condition}"
     return (
-        f"{worst.law} breaks first, by {worst.imperfection.name}{where}: all is kept {kept}; the "
-        f"first failure found is at {_beside_bench(worst, worst.weakness)}: {worst.reason}."
+        f"{worst.law} breaks first, by {kind.name}{where}: all is kept {kept}; the "
+        f"first failure found is at {_beside_bench(kind, weakness(worst))}: {reason(worst)}."
     )
 
 
-def _beside_bench(row: Tolerance, factor: float) -> str:
+def _beside_bench(kind: Imperfection, factor: float) -> str:
     """The amount for a factor, and the factor."""
-    return f"{row.amount_text(factor)} ({number(factor)} times the bench's)"
+    return f"{amount_text(kind, factor)} ({number(factor)} times the bench's)"
 
 
-def confirmed(rows: Sequence[Tolerance]) -> tuple[int, int]:
+def confirmed(rows: Sequence[Verdict]) -> tuple[int, int]:
     """Return how many answers MuJoCo checked, and how many of them differ."""
     agrees = [row.physics_agrees for row in rows if row.physics_agrees is not None]
     return len(agrees), agrees.count(False)
 
 
-def least_table(rows: Sequence[Tolerance], title: str) -> Table:
+def least_table(rows: Sequence[Verdict], kinds: Kinds, title: str) -> Table:
     """Return laws by imperfections: the least over the conditions that a law keeps ideally.
 
     The strongest law stands first, and the imperfection with the smallest tolerance.
+
+    Args:
+        rows: The tolerances.
+        kinds: The imperfections, by name.
+        title: Title of the table.
     """
-    least = least_of(rows)
-    ideal = kept_ideally(rows)
+    least = least_of(rows, kinds)
+    ideal = kept_ideally(rows, kinds)
     conditions = dict.fromkeys(row.condition for row in rows)
     kept = {law: [name for name in conditions if (law, name) in ideal] for law, _ in least}
 
     # The weakest law decides the order of imperfections, the least of all at once that of laws.
-    kinds: dict[str, Imperfection] = {}
     weakest: dict[str, float] = {}
     strength = {law: (len(names), 0.0) for law, names in kept.items()}
     for (law, kind), row in least.items():
-        kinds[kind] = row.imperfection
-        if row.kept_ideally:
-            weakest[kind] = min(row.weakness, weakest.get(kind, math.inf))
+        weakest.setdefault(kind, math.inf)
+        if row.largest_kept is not None:
+            weakest[kind] = min(weakness(row), weakest[kind])
         if kind == ALL:
-            strength[law] = (len(kept[law]), row.weakness)
+            strength[law] = (len(kept[law]), weakness(row))
 
-    ordered = sorted(kinds, key=lambda kind: weakest.get(kind, 0.0))
-    cells = []
+    ordered = sorted(weakest, key=weakest.__getitem__)
+    chosen = []
     for law in sorted(kept, key=strength.__getitem__, reverse=True):
-        cells += [cell_of(least[law, kind]) for kind in ordered if (law, kind) in least]
+        chosen += [least[law, kind] for kind in ordered if (law, kind) in least]
 
-    headings = [kinds[kind].heading for kind in ordered]
-    by_step = {heading: in_lines(heading, _LETTERS) for heading in headings}
+    headings = {kind: in_lines(kinds[kind].heading, _LETTERS) for kind in ordered}
     ideally = {law: ", ".join(names) for law, names in kept.items()}
-    return verdict_table(title, cells, by_step, LEGEND, {"keeps ideally": ideally})
+    return verdict_table(title, chosen, headings, legend=LEGEND, beside={"keeps ideally": ideally})
 
 
-def cell_of(row: Tolerance) -> Cell:
-    """Return the cell of a tolerance: kept if the law stands at least what the bench has."""
-    verdict = "failed"
-    if row.impossible:
-        verdict = ""
-    elif row.weakness > 1:
-        verdict = "kept"
-
-    words = row.cell
-    if row.breaks:
-        words += f"; then breaks: {row.reason}"
-    mark = "!" if row.physics_agrees is False else ""
-    return Cell(
-        law=row.law,
-        step=row.imperfection.heading,
-        condition=row.condition,
-        verdict=verdict,
-        text=row.cell,
-        broken=row.breaks if verdict == "failed" else "",
-        mark=mark,
-        words=words,
-    )
-
-
-def charts(studied: ToleranceStudy, rows: Sequence[Tolerance]) -> dict[str, CellChart]:
+def charts(studied: ToleranceStudy, rows: Sequence[Verdict]) -> dict[str, CellChart]:
     """Return the chart of each condition: laws by imperfections."""
-    headings = {kind.heading: kind.name for kind in studied.imperfections}
-    return charts_by_condition(studied.conditions, map(cell_of, rows), headings, climbing=False)
+    headings = {kind.name: kind.name for kind in studied.imperfections}
+    return charts_by_condition(studied.conditions, rows, headings, climbing=False)
 
 
-def _standings(target: str, rows: Sequence[Tolerance], *, complete: bool) -> Iterator[StudyVerdict]:
+def _standings(
+    target: str, rows: Sequence[Verdict], kinds: Kinds, *, complete: bool
+) -> Iterator[StudyVerdict]:
     """Yield the smallest tolerance of each law."""
-    for law in dict.fromkeys(row.law for row in rows):
-        kept = [row for row in rows if row.law == law and row.kept_ideally]
+    for law, of_law in by_law(rows).items():
+        kept = [row for row in of_law if row.largest_kept is not None]
         failed = [row for row in kept if row.smallest_failed is not None]
         breaks_at = ""
         answer = "stands all that was tried"
@@ -173,31 +168,29 @@ def _standings(target: str, rows: Sequence[Tolerance], *, complete: bool) -> Ite
             breaks_at = "ideal loop"
             answer = "not kept even in an ideal loop"
         elif failed:
-            least = min(failed, key=lambda row: row.largest_kept)
-            breaks_at = least.imperfection.name
-            if breaks_at == ALL:
-                breaks_at = "all of them"
-            amount = f"up to {least.amount_text(least.largest_kept)}"
-            if least.none:
-                amount = "only without it"
-            answer = f"kept {amount}, then {least.reason} ({least.condition})"
+            least = min(failed, key=lambda row: row.largest_kept or 0.0)
+            kind = kinds[least.step]
+            breaks_at = "all of them" if kind.name == ALL else kind.name
+            amount = "only without it"
+            if least.largest_kept and not only_without(least, kind):
+                amount = f"up to {amount_text(kind, least.largest_kept)}"
+            answer = f"kept {amount}, then {reason(least)} ({least.condition})"
         yield StudyVerdict(
             case=target, law=law, breaks_at=breaks_at, words=answer, complete=complete
         )
 
 
-def _values(target: str, rows: Sequence[Tolerance]) -> Iterator[Value]:
+def _values(target: str, rows: Sequence[Verdict]) -> Iterator[Value]:
     for row in rows:
         if not row.impossible:
-            name = f"{target} {row.condition} {row.law}, {row.imperfection.name}"
-            yield Value(name=f"{name}: ideally", value="kept" if row.kept_ideally else "not kept")
-            largest = row.largest_kept
+            name = f"{target} {row.condition} {row.law}, {row.step}"
+            ideally = "not kept" if row.largest_kept is None else "kept"
+            yield Value(name=f"{name}: ideally", value=ideally)
+            largest = row.largest_kept or 0.0
             yield Value(name=f"{name}: largest kept", value=largest, better=1, relative=0.1)
 
 
-def tolerance_result(
-    studied: ToleranceStudy, rows: Sequence[Tolerance], *, complete: bool
-) -> Result:
+def tolerance_result(studied: ToleranceStudy, rows: Sequence[Verdict], *, complete: bool) -> Result:
     """Return the result of a study of tolerances.
 
     Args:
@@ -206,9 +199,10 @@ def tolerance_result(
         complete: Whether nothing was interrupted.
     """
     target = studied.target
+    kinds = studied.kinds
     checked, differing = confirmed(rows)
     sheet = ReportTable(
-        table=least_table(rows, f"{target}: tolerances"),
+        table=least_table(rows, kinds, f"{target}: tolerances"),
         charts=list(charts(studied, rows).values()),
         brief=True,
     )
@@ -220,8 +214,8 @@ def tolerance_result(
         studied.configuration(),
         seed=studied.bench.seed,
         complete=complete,
-        answers=[_document_answer(target, rows, complete=complete)],
-        standings=_standings(target, rows, complete=complete),
+        answers=[_document_answer(target, rows, kinds, complete=complete)],
+        standings=_standings(target, rows, kinds, complete=complete),
         sheets=[sheet],
         remarks=remarks,
         values=_values(target, rows),
@@ -230,13 +224,15 @@ def tolerance_result(
         imperfections=[_imperfection_document(kind) for kind in studied.imperfections],
         laws=[_law_document(studied, law) for law in studied.laws],
         physics={"answers_checked": checked, "answers_that_differ": differing},
-        tolerances=[row.document() for row in rows],
+        verdicts=[row.model_dump() for row in rows],
     )
 
 
-def _document_answer(target: str, rows: Sequence[Tolerance], *, complete: bool) -> Answer:
+def _document_answer(
+    target: str, rows: Sequence[Verdict], kinds: Kinds, *, complete: bool
+) -> Answer:
     laws = {row.law for row in rows}
-    weak = {row.law for row in rows if not row.kept_ideally}
+    weak = {row.law for row in rows if row.largest_kept is None}
     answer = f"{len(laws) - len(weak)} of {len(laws)} laws keep all in every ideal loop"
     if not complete:
         answer += ", so far"
@@ -244,7 +240,7 @@ def _document_answer(target: str, rows: Sequence[Tolerance], *, complete: bool) 
         question=f"Tolerance of {target}",
         verdict=MEASURED if complete else OPEN,
         words=answer,
-        more=verdict(rows),
+        more=verdict(rows, kinds),
     )
 
 

@@ -13,6 +13,7 @@ from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.ground.executors import executor_for
+from grosmc_mj.output.results.verdicts import Verdict, Verdicts
 from grosmc_mj.simulation.loop import Loop
 from grosmc_mj.studies.study import Advance, CellRunner, Study, StudyCell, dependencies
 from grosmc_mj.studies.target import (
@@ -32,7 +33,6 @@ from grosmc_mj.studies.tolerance.imperfections import (
     LongerPeriod,
     imperfections,
 )
-from grosmc_mj.studies.tolerance.row import LawTolerances, Tolerance
 from grosmc_mj.studies.tolerance.search import (
     BEYOND,
     FINER,
@@ -40,13 +40,13 @@ from grosmc_mj.studies.tolerance.search import (
     RESOLUTION,
     ToleranceSearch,
     confirm_searches,
-    run_searches,
+    search_tolerances,
 )
-from grosmc_mj.studies.tolerance.trials import Trials
+from grosmc_mj.studies.trials import Trials
 
 
 @dataclass(frozen=True, eq=False)
-class ToleranceStudy(Study[LawTolerances]):
+class ToleranceStudy(Study[Verdicts]):
     """A target, ready to be studied.
 
     Attributes:
@@ -61,7 +61,7 @@ class ToleranceStudy(Study[LawTolerances]):
     """
 
     kind = "tolerance"
-    row = LawTolerances
+    row = Verdicts
 
     experiment: Experiment
     bench: Loop
@@ -82,6 +82,11 @@ class ToleranceStudy(Study[LawTolerances]):
     def target(self) -> str:
         """SYSTEM/CASE."""
         return self.experiment.target
+
+    @property
+    def kinds(self) -> dict[str, Imperfection]:
+        """The imperfections by name."""
+        return {kind.name: kind for kind in self.imperfections}
 
     @property
     def plants(self) -> list[PlantName]:
@@ -116,7 +121,7 @@ class ToleranceStudy(Study[LawTolerances]):
             },
         }
 
-    def cells(self) -> list[StudyCell[LawTolerances]]:
+    def cells(self) -> list[StudyCell[Verdicts]]:
         """Return a cell for each law."""
         names = [kind.name for kind in self.imperfections]
         configuration = [self.configuration(), names, asdict(self.bench)]
@@ -126,13 +131,13 @@ class ToleranceStudy(Study[LawTolerances]):
             for index, law in enumerate(self.laws)
         ]
 
-    def _measure(self, index: int, _: Advance | None = None, *, threads: int = 0) -> LawTolerances:
+    def _measure(self, index: int, _: Advance | None = None, *, threads: int = 0) -> Verdicts:
         """Return the row of a law, in this process or in another one."""
-        return LawTolerances.of(tolerances(self, index, threads=threads))
+        return Verdicts(rows=tuple(tolerances(self, index, threads=threads)))
 
     def rows(
-        self, cells: Sequence[StudyCell[LawTolerances]], runner: CellRunner[LawTolerances]
-    ) -> Iterator[LawTolerances]:
+        self, cells: Sequence[StudyCell[Verdicts]], runner: CellRunner[Verdicts]
+    ) -> Iterator[Verdicts]:
         """Yield the stored rows; then the others, in the order in which processes finish them."""
         missing = []
         for index, cell in enumerate(cells):
@@ -154,11 +159,11 @@ class ToleranceStudy(Study[LawTolerances]):
                 runner.progress(cell.name)
                 yield part.report
 
-    def tolerances(self, rows: Iterable[LawTolerances]) -> list[Tolerance]:
+    def tolerances(self, rows: Iterable[Verdicts]) -> list[Verdict]:
         """Return the answers of finished rows, law by law."""
         order = [law.name for law in self.laws]
-        finished = sorted(rows, key=lambda row: order.index(row.law))
-        return [answer for row in finished for answer in row.rows(self.imperfections)]
+        answers = [answer for row in rows for answer in row.rows]
+        return sorted(answers, key=lambda answer: order.index(answer.law))
 
 
 def tolerance_study(
@@ -212,7 +217,7 @@ def tolerance_study(
     )
 
 
-def tolerances(studied: ToleranceStudy, index: int, threads: int = 0) -> list[Tolerance]:
+def tolerances(studied: ToleranceStudy, index: int, threads: int = 0) -> list[Verdict]:
     """Return the tolerances of a law to each imperfection under each condition.
 
     MuJoCo runs at both ends of those answers of the equations that matter: of the least one over
@@ -225,17 +230,16 @@ def tolerances(studied: ToleranceStudy, index: int, threads: int = 0) -> list[To
         threads: Threads of its runs; 0 for all cores.
     """
     law = studied.laws[index]
-    limits = {condition: studied.limits(law, condition) for condition in studied.conditions}
     equations, *physics = (
-        Trials(law, plant, limits, studied.bench, studied.draws, threads)
+        Trials(plant, studied.limits, studied.draws, built=studied.bench, threads=threads)
         for plant in studied.plants
     )
     searches = [
-        ToleranceSearch(imperfection, condition)
+        ToleranceSearch(law, imperfection, condition)
         for imperfection in studied.imperfections
         for condition in studied.conditions
     ]
-    run_searches(searches, equations)
+    search_tolerances(searches, equations)
 
     agreed: dict[ToleranceSearch, bool] = {}
     if physics:
@@ -245,4 +249,4 @@ def tolerances(studied: ToleranceStudy, index: int, threads: int = 0) -> list[To
             chosen.append(min(conditions, key=lambda search: search.weakness))
         chosen += [search for search in searches if search.fails_without]
         agreed = confirm_searches(list(dict.fromkeys(chosen)), physics[0])
-    return [search.tolerance(law.name, agreed.get(search)) for search in searches]
+    return [search.tolerance(agreed.get(search)) for search in searches]

@@ -31,10 +31,11 @@ from grosmc_mj.output.results.document import json_text
 from grosmc_mj.simulation.loop import Computing, Loop, Sensor
 from grosmc_mj.simulation.loop.sensors import quantized
 from grosmc_mj.studies import study as cells
-from grosmc_mj.studies.ladder import answer, draws, pages
+from grosmc_mj.output.results.verdicts import Verdict, described, first_failed, verdict_of
+from grosmc_mj.studies.ladder import answer, pages, shown
 from grosmc_mj.studies.ladder import ladder as study
+from grosmc_mj.studies.ladder.climb import ALONE, UP_TO, fallen
 from grosmc_mj.studies.ladder.ladder import ladder, run_rung
-from grosmc_mj.studies.ladder.row import ENDED, RungResult, fallen, first_failed
 from grosmc_mj.studies.ladder.rungs import Rung, rungs_of
 from grosmc_mj.studies.study import CellRunner, StudyCell
 
@@ -103,14 +104,14 @@ over_swings = pytest.mark.parametrize(
 
 @over_swings
 def test_a_swing_has_its_amplitude(error: Array, amplitude: float, frequency: float) -> None:
-    swing, _ = draws.oscillation(TIME, error)
+    swing, _ = shown.oscillation(TIME, error)
     assert swing == pytest.approx(amplitude, rel=0.01)
 
 
 @over_swings
 def test_a_swing_has_its_frequency(error: Array, amplitude: float, frequency: float) -> None:
     """The end is 2 s long, in which a crossing more or less is a quarter of a hertz."""
-    _, cycle = draws.oscillation(TIME, error)
+    _, cycle = shown.oscillation(TIME, error)
     assert cycle == pytest.approx(frequency, abs=0.25)
 
 
@@ -120,7 +121,7 @@ def test_a_swing_has_its_frequency(error: Array, amplitude: float, frequency: fl
     ids=["rests", "creeps half of the way in 2 s", "swings twice"],
 )
 def test_an_error_without_three_swings_has_no_cycle(error: Array, amplitude: float) -> None:
-    swing, cycle = draws.oscillation(TIME, error)
+    swing, cycle = shown.oscillation(TIME, error)
     assert swing == pytest.approx(amplitude, rel=0.01)
     assert cycle is None
 
@@ -233,9 +234,10 @@ def test_loads_of_one_body_stand_beside_each_other(tmp_path: Path) -> None:
 # The answer.
 
 
-def row(rung: str, used: float, law: str = "lqr", **changes: Any) -> RungResult:
-    numbers = {"tightest": "settles_within", "together": True, "condition": "nominal", **changes}
-    return RungResult(law=law, rung=rung, share_of_the_tightest_limit=used, **numbers)
+def row(rung: str, used: float, law: str = "lqr", **changes: Any) -> Verdict:
+    """A verdict on a rung."""
+    fields = {"law": law, "step": rung, "group": UP_TO, "condition": "nominal", **changes}
+    return described(verdict_of({"settles_within": used}).changed(**fields))
 
 
 RUNGS = ("printed", "physics", "sampled", "delay", "friction", "stops")
@@ -258,7 +260,7 @@ FOUR_LAWS = [
     row("stops", 0.9, "recovers"),
     row("physics", 0.5, "interrupted"),
     # Alone and under load are not on this way.
-    row("physics", 9.0, "stands", together=False),
+    row("physics", 9.0, "stands", group=ALONE),
     row("physics", 9.0, "stands", condition="case1"),
 ]
 
@@ -291,25 +293,6 @@ def test_one_law_that_fails_on_the_complete_machine_decides_an_interrupted_ladde
     rows = [*climbs, row("delay", 0.5, "fl-pid")]
     (shown,) = answer._answers(made_up(), rows, complete=False)
     assert shown.verdict == verdict
-
-
-def test_a_row_beyond_its_limit_says_by_how_much() -> None:
-    slow = row("a", 3.0, optimum_settles=1.84)
-    assert slow.reason == "settles within: 3 times (the nominal optimum needs 1.84 s)"
-    assert slow.share_text == "3x"
-    assert row("a", 1.001).reason == "settles within: at its limit"
-    assert row("a", 9.0, tightest=ENDED).share_text == "ended"
-
-
-def test_a_row_that_some_draws_keep_says_how_many() -> None:
-    partly = row("a", 3.0, draws=10, kept_draws=7)
-    assert partly.cell == "7 of 10"
-    assert partly.reason == "settles within: 3 times, kept in 7 of 10 draws"
-    assert not partly.kept
-
-
-def test_a_row_that_an_assumed_number_turns_has_a_question_mark() -> None:
-    assert row("a", 0.5, hangs_on=("lugre.shaft.static times 2",)).cell == "0.5?"
 
 
 NOISY = """
@@ -359,13 +342,6 @@ def test_a_rung_without_a_draw_runs_once() -> None:
     sampled = next(rung for rung in ten.climbing if rung.name == "sampled")
     judged = run_rung(ten, ten.laws[0], sampled, ten.conditions[0], together=True)
     assert (judged.draws, judged.kept_draws) == (1, 1)
-
-
-def test_a_run_that_cannot_be_says_why() -> None:
-    none = row("a", 0.5, impossible="there is no loop")
-    assert none.share_text == "-"
-    assert none.reason == "there is no loop"
-    assert not none.kept
 
 
 def test_rivals_climb_on_request() -> None:
@@ -436,7 +412,7 @@ def test_claims_of_machines_are_in_the_ledger_with_its_limits(system: str) -> No
 
 
 TWO_CONDITIONS = [
-    row("physics", 0.5, deviation=0.0123, claims={"quick": 0.5}),
+    row("physics", 0.5, numbers={"deviation": 0.0123}, claims={"quick": 0.5}),
     row("physics", 0.5, "fl-pid"),
     row("physics", 3.25, condition="case1"),
     row("physics", 3.25, "fl-pid", condition="case1"),
@@ -475,8 +451,8 @@ def table_under(title: str) -> list[str]:
 
 
 def test_the_document_has_every_row() -> None:
-    climbs = loaded_document()["climbs"]
-    assert [RungResult.model_validate(climb) for climb in climbs] == TWO_CONDITIONS
+    climbs = loaded_document()["verdicts"]
+    assert [Verdict.model_validate(climb) for climb in climbs] == TWO_CONDITIONS
 
 
 @pytest.mark.parametrize(
@@ -511,7 +487,7 @@ def test_the_page_names_the_numbers_that_are_assumed() -> None:
 
 
 @cache
-def servo_climb() -> tuple[list[RungResult], RungResult]:
+def servo_climb() -> tuple[list[Verdict], Verdict]:
     """Results of LQR on the rungs of a servo, and with its friction alone."""
     studied = ladder("servo", ["lqr"])
     steps = [x for x in studied.steps() if x[3] or x[1].name == "friction"]
@@ -519,9 +495,9 @@ def servo_climb() -> tuple[list[RungResult], RungResult]:
     return rungs, friction_alone
 
 
-def servo_rung(name: str) -> RungResult:
+def servo_rung(name: str) -> Verdict:
     rungs, _ = servo_climb()
-    return next(step for step in rungs if step.rung == name)
+    return next(step for step in rungs if step.step == name)
 
 
 @pytest.mark.slow
@@ -529,10 +505,10 @@ def test_lqr_climbs_a_servo_up_to_its_friction() -> None:
     rungs, friction_alone = servo_climb()
     broken = first_failed(rungs)
     assert broken is not None
-    assert broken.rung == "friction"
+    assert broken.step == "friction"
     assert broken.tightest == "settles_within"
     # The optimum's poles are -1 and -12 rad/s: 2 % of 1 rad after ln(50 * 12/11) = 4.0 s.
-    assert broken.optimum_settles == pytest.approx(math.log(50 * 12 / 11), abs=0.06)
+    assert broken.numbers["optimum_settles"] == pytest.approx(math.log(50 * 12 / 11), abs=0.06)
     # The chapter's 2 % of the step fall there, too, as they are about both laws.
     assert fallen(rungs, "servo-before-load") is broken
     # It needs no other imperfection for that, and stops where friction holds the rest of K e.
@@ -542,27 +518,27 @@ def test_lqr_climbs_a_servo_up_to_its_friction() -> None:
 
 @pytest.mark.slow
 def test_lqr_climbs_the_servo_s_physics_as_its_equations() -> None:
-    equations = servo_rung("corrected").share_of_the_tightest_limit
-    physics = servo_rung("physics").share_of_the_tightest_limit
+    equations = servo_rung("corrected").share
+    physics = servo_rung("physics").share
     assert physics == pytest.approx(equations, rel=1e-3)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", ["share_of_the_tightest_limit", "variation", "amplitude", "shares"]
-)
-def test_the_servo_s_motor_changes_nothing(name: str) -> None:
+def test_the_servo_s_motor_changes_nothing() -> None:
     """The model's damping has the back-EMF in it, and 24 V are enough."""
-    motor = getattr(servo_rung("motor"), name)
-    actuator = getattr(servo_rung("actuator"), name)
-    assert motor == pytest.approx(actuator, rel=0.01)
+    motor = servo_rung("motor")
+    actuator = servo_rung("actuator")
+    assert motor.shares == pytest.approx(actuator.shares, rel=0.01)
+    for name in ("variation", "amplitude"):
+        assert motor.numbers[name] == pytest.approx(actuator.numbers[name], rel=0.01)
 
 
 @pytest.mark.slow
 def test_steps_of_the_servo_s_encoders_make_the_input_move() -> None:
     sensors = servo_rung("sensors")
-    assert (sensors.variation or 0.0) > 1.5 * (servo_rung("sampled").variation or 0.0)
-    assert sensors.frequency is not None
+    sampled = servo_rung("sampled").numbers["variation"] or 0.0
+    assert (sensors.numbers["variation"] or 0.0) > 1.5 * sampled
+    assert sensors.numbers["frequency"] is not None
 
 
 # The command.
@@ -577,28 +553,24 @@ class Climber:
 
     def __call__(
         self, _: Any, law: Any, rung: Rung, condition: Any, *, together: bool
-    ) -> RungResult:
+    ) -> Verdict:
         if rung.name == "delay":
             self.at_delay()
         self.ran.append((rung.name, together))
-        share = 0.5
+        verdict = verdict_of({"deviation_below": 0.5})
         if rung.name in ("friction", "backlash", "flexibility"):
-            share = 3.25
-        tightest = "deviation_below"
+            verdict = verdict_of({"deviation_below": 3.25})
         if rung.name == "stops":
-            share = math.inf
-            tightest = ENDED
+            verdict = verdict_of({}, ended="diverged")
         claims = {}
         if law.name == "lqr":
-            claims = {"servo-before-load": share / 3}
-        return row(
-            rung.name,
-            share,
-            law.name,
-            together=together,
+            claims = {"servo-before-load": verdict.share / 3}
+        return described(verdict).changed(
+            law=law.name,
+            step=rung.name,
             condition=condition.name,
+            group=UP_TO if together else ALONE,
             claims=claims,
-            tightest=tightest,
         )
 
 
@@ -656,7 +628,7 @@ def test_the_command_writes_its_laws(servo_ladder: ServoLadder) -> None:
 
 
 def test_the_command_writes_a_row_for_every_step(servo_ladder: ServoLadder) -> None:
-    climbs = servo_ladder.document["climbs"]
+    climbs = servo_ladder.document["verdicts"]
     assert len(climbs) == len(servo_ladder.ran) == 2 * (13 + 10)
 
 
@@ -668,9 +640,9 @@ def test_infinite_stiffness_is_null_in_the_document(servo_ladder: ServoLadder) -
 
 
 def test_the_share_of_a_run_that_ended_is_null_in_the_document(servo_ladder: ServoLadder) -> None:
-    last = next(step for step in servo_ladder.document["climbs"] if step["rung"] == "stops")
-    assert last["share_of_the_tightest_limit"] is None
-    assert last["tightest"] == ENDED
+    last = next(row for row in servo_ladder.document["verdicts"] if row["step"] == "stops")
+    assert last["share"] is None
+    assert last["ended"] == "diverged"
 
 
 def test_the_document_has_the_statements_of_the_claims(servo_ladder: ServoLadder) -> None:
@@ -736,8 +708,9 @@ def test_a_stopped_ladder_goes_on_to_the_same_bytes(
 def test_a_law_that_keeps_everything_on_no_rung_is_a_verdict(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def never_kept(_: Any, law: Any, rung: Rung, condition: Any, *, together: bool) -> RungResult:
-        return row(rung.name, 2.0, law.name, together=together, condition=condition.name)
+    def never_kept(_: Any, law: Any, rung: Rung, condition: Any, *, together: bool) -> Verdict:
+        group = UP_TO if together else ALONE
+        return row(rung.name, 2.0, law.name, group=group, condition=condition.name)
 
     monkeypatch.setattr(study, "run_rung", never_kept)
     monkeypatch.setattr("grosmc_mj.output.charts.charts.write_cells", lambda path, *_: path)
@@ -765,20 +738,20 @@ def test_a_ladder_of_another_version_is_climbed_anew(
     assert climber.ran == everything
 
 
-def cell_of(stored: RungResult) -> StudyCell[RungResult]:
+def cell_of(stored: Verdict) -> StudyCell[Verdict]:
     """Return the cell of a row, among those of a ladder."""
-    key = (stored.law, stored.rung, stored.condition, stored.together)
+    key = (stored.law, stored.step, stored.condition, stored.group)
     return StudyCell("", key, "a ladder", lambda _: stored)
 
 
 @pytest.mark.parametrize(
     "other",
-    [{"condition": "case2"}, {"law": "grosmc"}, {"rung": "delay"}, {"together": False}],
-    ids=["condition", "law", "rung", "together"],
+    [{"condition": "case2"}, {"law": "grosmc"}, {"rung": "delay"}, {"group": ALONE}],
+    ids=["condition", "law", "rung", "group"],
 )
 def test_rows_under_case1_and_case2_are_kept_apart(other: dict[str, Any], tmp_path: Path) -> None:
     """As are those of two laws, of two rungs, and of a rung alone and with those below."""
-    stored = CellRunner(tmp_path, RungResult)
+    stored = CellRunner(tmp_path, Verdict)
     place: dict[str, Any] = {"rung": "sensors", "condition": "case1"}
     first = row(used=0.5, **place)
     second = row(used=2.0, **place | other)
@@ -925,7 +898,7 @@ def test_a_law_that_cannot_be_designed_has_its_reason(
     def refused(*_: object) -> None:
         raise ArgumentError("there is no such law")
 
-    monkeypatch.setattr(study, "run_of", refused)
+    monkeypatch.setattr(study, "trial_of", refused)
     studied = ladder(str(written(tmp_path)), ["lqr"])
     law, rung, condition, _ = next(studied.steps())
     step = run_rung(studied, law, rung, condition, together=True)
@@ -962,8 +935,8 @@ def test_the_measured_machine_stands_beside_the_model_of_it(tmp_path: Path) -> N
     modelled = run_rung(studied, law, studied.climbing[-1], studied.conditions[0], together=True)
     assert measured.tightest == modelled.tightest == "overshoot_below"
     assert not measured.kept
-    assert measured.share_of_the_tightest_limit == pytest.approx(
-        modelled.share_of_the_tightest_limit, rel=0.05
+    assert measured.share == pytest.approx(
+        modelled.share, rel=0.05
     )
     assert answer.verdict(studied, [modelled, measured], studied.conditions[0].name).endswith(
         "The measured machine agrees with the model on 1 of 1 laws."

@@ -13,12 +13,12 @@ from grosmc_mj.cli.commands.study.study_command import FilmedStudyCommand
 if TYPE_CHECKING:
     from grosmc_mj.output.films.film import Film
     from grosmc_mj.output.results.result import Result
+    from grosmc_mj.output.results.verdicts import Verdict
     from grosmc_mj.studies.ladder.ladder import Ladder
-    from grosmc_mj.studies.ladder.row import RungResult
 
 
 @command
-class LadderCommand(FilmedStudyCommand["Ladder", "RungResult"]):
+class LadderCommand(FilmedStudyCommand["Ladder", "Verdict"]):
     """Find where each law breaks on the way from its equations to the machine as built.
 
     Each law climbs: printed, corrected and MuJoCo's plant; sampled; encoders and estimated rates;
@@ -75,7 +75,7 @@ class LadderCommand(FilmedStudyCommand["Ladder", "RungResult"]):
         statements = {name: claim.statement for name, claim in claims.items()}
         return replace(study, statements=statements)
 
-    def measure(self, study: Ladder, rows: list[RungResult], folder: Path) -> None:
+    def measure(self, study: Ladder, rows: list[Verdict], folder: Path) -> None:
         """Climb with each law; the logs of the real machine come last, if all can be read."""
         from grosmc_mj.studies.ladder.ladder import measured_rows
 
@@ -83,13 +83,13 @@ class LadderCommand(FilmedStudyCommand["Ladder", "RungResult"]):
         super().measure(study, rows, folder)
         rows.extend(measured)
 
-    def result(self, study: Ladder, rows: Sequence[RungResult], *, complete: bool) -> Result:
+    def result(self, study: Ladder, rows: Sequence[Verdict], *, complete: bool) -> Result:
         """Return the result of a ladder."""
         from grosmc_mj.studies.ladder.answer import ladder_result
 
         return ladder_result(study, rows, complete=complete)
 
-    def draw(self, study: Ladder, rows: Sequence[RungResult], path: Path) -> Sequence[Path]:
+    def draw(self, study: Ladder, rows: Sequence[Verdict], path: Path) -> Sequence[Path]:
         """Draw a figure for each condition."""
         from grosmc_mj.studies.ladder.answer import charts
         from grosmc_mj.studies.matrix import NOTE, write_charts
@@ -97,12 +97,12 @@ class LadderCommand(FilmedStudyCommand["Ladder", "RungResult"]):
         title = f"{study.target}: where each law fails"
         return write_charts(path, title, charts(study, rows), NOTE)
 
-    def keeps(self, study: Ladder, rows: Sequence[RungResult]) -> bool:
+    def keeps(self, study: Ladder, rows: Sequence[Verdict]) -> bool:
         """Whether each law keeps everything on some rung."""
         keeping = {row.law for row in rows if row.kept}
         return all(law.name in keeping for law in study.laws)
 
-    def film_of(self, study: Ladder, rows: Sequence[RungResult]) -> Film:
+    def film_of(self, study: Ladder, rows: Sequence[Verdict]) -> Film:
         """Return the film of the law around where it breaks."""
         from grosmc_mj.experiments.films import SMALL
         from grosmc_mj.studies.ladder.film import ladder_film

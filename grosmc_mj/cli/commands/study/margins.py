@@ -91,4 +91,4 @@ class MarginsCommand(StudyCommand["MarginStudy", "LawMargins"]):
 
     def keeps(self, study: MarginStudy, rows: Sequence[LawMargins]) -> bool:
         """Whether each law keeps the task under some condition."""
-        return all(row.task for row in rows)
+        return all(row.changes for row in rows)

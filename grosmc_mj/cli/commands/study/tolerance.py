@@ -12,12 +12,12 @@ from grosmc_mj.cli.commands.study.study_command import StudyCommand
 
 if TYPE_CHECKING:
     from grosmc_mj.output.results.result import Result
-    from grosmc_mj.studies.tolerance.row import LawTolerances
+    from grosmc_mj.output.results.verdicts import Verdicts
     from grosmc_mj.studies.tolerance.tolerance import ToleranceStudy
 
 
 @command
-class ToleranceCommand(StudyCommand["ToleranceStudy", "LawTolerances"]):
+class ToleranceCommand(StudyCommand["ToleranceStudy", "Verdicts"]):
     """Find how much of each imperfection of the loop each law stands.
 
     For each law and each number of the bench's loop alone (delay, resolution, lag and so on), and
@@ -64,17 +64,13 @@ class ToleranceCommand(StudyCommand["ToleranceStudy", "LawTolerances"]):
             draws=self.draws,
         )
 
-    def result(
-        self, study: ToleranceStudy, rows: Sequence[LawTolerances], *, complete: bool
-    ) -> Result:
+    def result(self, study: ToleranceStudy, rows: Sequence[Verdicts], *, complete: bool) -> Result:
         """Return the result of a study of tolerances."""
         from grosmc_mj.studies.tolerance.answer import tolerance_result
 
         return tolerance_result(study, study.tolerances(rows), complete=complete)
 
-    def draw(
-        self, study: ToleranceStudy, rows: Sequence[LawTolerances], path: Path
-    ) -> Sequence[Path]:
+    def draw(self, study: ToleranceStudy, rows: Sequence[Verdicts], path: Path) -> Sequence[Path]:
         """Draw a figure for each condition."""
         from grosmc_mj.studies.matrix import write_charts
         from grosmc_mj.studies.tolerance.answer import NOTE, charts
@@ -82,8 +78,8 @@ class ToleranceCommand(StudyCommand["ToleranceStudy", "LawTolerances"]):
         title = f"{study.target}: what of its bench each law stands"
         return write_charts(path, title, charts(study, study.tolerances(rows)), NOTE)
 
-    def keeps(self, study: ToleranceStudy, rows: Sequence[LawTolerances]) -> bool:
+    def keeps(self, study: ToleranceStudy, rows: Sequence[Verdicts]) -> bool:
         """Whether each law keeps everything under some condition without any imperfection."""
         answers = study.tolerances(rows)
-        keeping = {answer.law for answer in answers if answer.kept_ideally}
+        keeping = {answer.law for answer in answers if answer.largest_kept is not None}
         return all(answer.law in keeping for answer in answers)
