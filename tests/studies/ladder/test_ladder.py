@@ -28,10 +28,10 @@ from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.mechanics.machine import Transmission
 from grosmc_mj.mechanics.physics.edits import BodyEdit
 from grosmc_mj.output.results.document import json_text
+from grosmc_mj.output.results.verdicts import Verdict, described, first_failed, verdict_of
 from grosmc_mj.simulation.loop import Computing, Loop, Sensor
 from grosmc_mj.simulation.loop.sensors import quantized
 from grosmc_mj.studies import study as cells
-from grosmc_mj.output.results.verdicts import Verdict, described, first_failed, verdict_of
 from grosmc_mj.studies.ladder import answer, pages, shown
 from grosmc_mj.studies.ladder import ladder as study
 from grosmc_mj.studies.ladder.climb import ALONE, UP_TO, fallen
@@ -551,9 +551,7 @@ class Climber:
         self.ran: list[tuple[str, bool]] = []
         self.at_delay = lambda: None
 
-    def __call__(
-        self, _: Any, law: Any, rung: Rung, condition: Any, *, together: bool
-    ) -> Verdict:
+    def __call__(self, _: Any, law: Any, rung: Rung, condition: Any, *, together: bool) -> Verdict:
         if rung.name == "delay":
             self.at_delay()
         self.ran.append((rung.name, together))
@@ -935,9 +933,7 @@ def test_the_measured_machine_stands_beside_the_model_of_it(tmp_path: Path) -> N
     modelled = run_rung(studied, law, studied.climbing[-1], studied.conditions[0], together=True)
     assert measured.tightest == modelled.tightest == "overshoot_below"
     assert not measured.kept
-    assert measured.share == pytest.approx(
-        modelled.share, rel=0.05
-    )
+    assert measured.share == pytest.approx(modelled.share, rel=0.05)
     assert answer.verdict(studied, [modelled, measured], studied.conditions[0].name).endswith(
         "The measured machine agrees with the model on 1 of 1 laws."
     )

@@ -15,16 +15,17 @@ from commands import Screen, assert_one_line, run
 
 from grosmc_mj import cli
 from grosmc_mj.output.results.result import Result
+from grosmc_mj.output.results.verdicts import Verdict
+from grosmc_mj.simulation.loop import Loop
 from grosmc_mj.studies.margins import figure as margins_figure
 from grosmc_mj.studies.margins import row as rows_of_laws
 from grosmc_mj.studies.margins.answer import margin_table, notes, verdict
-from grosmc_mj.studies.margins.changes import DELAY, GAIN_DOWN, GAIN_UP
+from grosmc_mj.studies.margins.changes import DELAY, GAIN_DOWN, GAIN_UP, ChangeSearch
 from grosmc_mj.studies.margins.chatter import Chatter
 from grosmc_mj.studies.margins.frequency_response import Margins, margins_of
 from grosmc_mj.studies.margins.margins import MarginStudy, law_margins, margin_study
 from grosmc_mj.studies.margins.row import LEVELS, LawMargins, Level
 from grosmc_mj.studies.margins.sensitivity import Place
-from grosmc_mj.studies.margins.task import TaskMargin
 from grosmc_mj.studies.study import CellRunner
 
 REQUIRED = 'requirement = [{ stays_within = "0.1 rad", after = "3 s" }]'
@@ -100,7 +101,7 @@ def test_an_input_gets_a_quarter_of_its_limit_and_a_state_a_quarter_of_its_range
 
 def test_the_table_of_the_bench_has_the_margins_of_lqr() -> None:
     lqr = measured(1, 0)
-    assert list(lqr.refused) == ["case1"]
+    assert [row.condition for row in lqr.refused] == ["case1"]
     (largest,) = lqr.at(len(LEVELS) - 1)
     assert largest.margins.delay == pytest.approx(0.113, rel=0.01)
     assert largest.margins.disk == pytest.approx(1.52, rel=0.01)
@@ -116,7 +117,7 @@ def test_the_delay_margin_of_a_chattering_law_by_slow_signals_is_near_that_of_it
     assert shown.errors.delay < 0.4e-3
     worst = implicit.worst_of_task(DELAY)
     assert worst is not None
-    assert (worst.condition, worst.kept) == ("case1", pytest.approx(8e-3, abs=5e-4))
+    assert (worst.condition, worst.largest_kept) == ("case1", pytest.approx(8e-3, abs=5e-4))
     assert any("chatters at rest" in note for note in notes([implicit]))
 
 
@@ -218,15 +219,24 @@ def test_it_is_said_where_a_law_chatters(chatter: Chatter, words: str) -> None:
         (GAIN_UP, 3.0, "2.5 case2"),
         (GAIN_UP, math.inf, "≥2.5"),
         (GAIN_DOWN, math.inf, "≤1/2.5"),
-        (DELAY, 3.0, "2500 case2"),
+        (DELAY, 3.0, "2000 case2"),
     ],
 )
 def test_a_margin_is_shown_with_the_case_that_decides(kind: str, failed: float, words: str) -> None:
     """The nominal margin is larger."""
-    task = [
-        TaskMargin(kind, "nominal", 9.0, math.inf, ""),
-        TaskMargin(kind, "case2", 2.5, failed, ""),
-    ]
+    search = ChangeSearch(kind, Loop(), [], 1.0)
+    kept = 2.0 if kind == DELAY else 2.5
+    search.known |= {kept: True}
+    if math.isfinite(failed):
+        search.known |= {failed: False}
+    decides = Verdict(
+        step=kind,
+        condition="case2",
+        largest_kept=kept,
+        smallest_failed=search.failed,
+        text=search.text,
+    )
+    task = [decides.changed(condition="nominal", largest_kept=9.0), decides]
     cells = margin_table(servo().setups[1], [row("lqr", "-----", task=task)]).rows[0]
     assert words in cells[1:4]
 

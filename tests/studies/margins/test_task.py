@@ -2,94 +2,120 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import NamedTuple
+
 import pytest
 
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.output.results.tables import number
+from grosmc_mj.output.results.verdicts import Verdict
 from grosmc_mj.simulation.loop import Actuator, Loop
 from grosmc_mj.studies.margins.changes import DELAY, GAIN_DOWN, GAIN_UP, ChangeSearch, changed
 from grosmc_mj.studies.margins.chatter import Chatter, chatter
 from grosmc_mj.studies.margins.sensitivity import Place, RunningLoop
-from grosmc_mj.studies.margins.task import Task, TaskMargin
-from grosmc_mj.studies.target import chosen_laws, judgeable_in, limits_in
+from grosmc_mj.studies.margins.task import AS_IS, task_margins
+from grosmc_mj.studies.sweep.search import run_searches
+from grosmc_mj.studies.target import Condition, StudiedLaw, chosen_laws, limits_in
 from grosmc_mj.studies.target import conditions_of as conditions
+from grosmc_mj.studies.trials import Trial, Trials
 
 
-def servo_task(name: str, condition: str = "nominal", draws: int = 1) -> Task:
+class ServoTask(NamedTuple):
+    """A law on the servo's bench under a condition."""
+
+    trials: Trials
+    law: StudiedLaw
+    condition: Condition
+
+    @property
+    def loop(self) -> Loop:
+        """The loop of the bench."""
+        assert self.condition.experiment.loop
+        return self.condition.experiment.loop
+
+    @property
+    def margins(self) -> dict[str, Verdict]:
+        """The margins of the task by their kinds."""
+        return {row.step: row for row in task_margins(self.trials, self.law, self.condition)}
+
+    def failing_draws(self, loop: Loop) -> int:
+        """The number of draws of a loop that do not keep the task."""
+        draws = self.trials.all_draws(Trial(self.law, self.condition, loop))
+        return sum(not draw.kept for draw in draws)
+
+
+def servo_task(name: str, condition: str = "nominal", draws: int = 1) -> ServoTask:
     """Return a law on the servo's bench under a condition."""
     bench = Experiment.load("servo/bench")
     bare = bench.varied(loop=None)
     (law,) = chosen_laws(bare, [name])
     (under,) = [item for item in conditions(bare) if item.name == condition]
-    experiment = under.experiment.varied(loop=bench.loop)
     limits = limits_in(bare.file.requirement, law, under, ["corrected"])
-    assert bench.loop
-    return Task(
-        condition,
-        experiment,
-        experiment.plant("corrected"),
-        "corrected",
-        law.controller,
-        law.predict,
-        judgeable_in(limits, bench.loop, bench.loop),
-        draws,
-        threads=1,
-    )
-
-
-def by_kind(task: Task) -> dict[str, TaskMargin]:
-    """Return the margins of a task by their kinds."""
-    return {margin.kind: margin for margin in task.margins()}
+    trials = Trials("corrected", lambda *_: limits, draws, threads=1)
+    looped = replace(under, experiment=under.experiment.varied(loop=bench.loop))
+    return ServoTask(trials, law, looped)
 
 
 def test_the_task_margins_of_lqr_are_near_those_by_frequency_response() -> None:
     """By S on the bench they are 13.7 and 113 ms: within 7 %."""
-    margins = by_kind(servo_task("lqr"))
-    assert margins[GAIN_UP].kept == pytest.approx(14.0, rel=0.02)
-    assert margins[DELAY].kept == pytest.approx(0.106, rel=0.01)
-    assert margins[GAIN_UP].kept == pytest.approx(13.7, rel=0.07)
-    assert margins[DELAY].kept == pytest.approx(0.113, rel=0.07)
+    margins = servo_task("lqr").margins
+    assert margins[GAIN_UP].largest_kept == pytest.approx(14.0, rel=0.02)
+    assert margins[DELAY].largest_kept == pytest.approx(0.106, rel=0.01)
+    assert margins[GAIN_UP].largest_kept == pytest.approx(13.7, rel=0.07)
+    assert margins[DELAY].largest_kept == pytest.approx(0.113, rel=0.07)
 
 
 def test_what_breaks_is_named_and_a_failing_change_stands_above_the_kept_one() -> None:
-    for margin in by_kind(servo_task("lqr")).values():
-        assert margin.breaks
-        assert margin.kept < margin.failed <= max(1.02 * margin.kept, margin.kept + 5e-4 + 1e-9)
+    for margin in servo_task("lqr").margins.values():
+        kept = margin.largest_kept
+        assert margin.words
+        assert kept is not None
+        assert margin.smallest_failed is not None
+        assert kept < margin.smallest_failed <= max(1.02 * kept, kept + 5e-4 + 1e-9)
 
 
 @pytest.mark.parametrize(("condition", "factor"), [("nominal", 29), ("case1", 1.45)])
 def test_the_load_of_case_1_decides_how_far_the_gain_of_sign_may_fall(
     condition: str, factor: float
 ) -> None:
-    margins = by_kind(servo_task("sign", condition))
-    assert margins[GAIN_DOWN].kept == pytest.approx(factor, rel=0.03)
-    assert margins[GAIN_DOWN].breaks == "stays_within"
+    margin = servo_task("sign", condition).margins[GAIN_DOWN]
+    assert margin.largest_kept == pytest.approx(factor, rel=0.03)
+    assert margin.tightest == "stays_within"
 
 
 def test_lqr_does_not_keep_its_task_under_case_1() -> None:
-    task = servo_task("lqr", "case1")
-    assert task.breaking([task.loop]) == ["stays_within"]
+    margins = servo_task("lqr", "case1").margins
+    assert list(margins) == [AS_IS]
+    assert margins[AS_IS].words == "stays_within"
+    assert not margins[AS_IS].kept
 
 
 def test_every_change_that_is_kept_is_kept_in_all_draws_and_the_failing_one_is_not() -> None:
     """Larger gains are kept in some draws."""
     task = servo_task("implicit", draws=8)
-    margin = by_kind(task)[GAIN_UP]
+    margin = task.margins[GAIN_UP]
     assert margin.draws == 8
-    assert margin.kept < by_kind(servo_task("implicit"))[GAIN_UP].kept
-    kept = changed(task.loop, ["current"], gain=margin.kept)
-    failed = changed(task.loop, ["current"], gain=margin.failed)
+    assert margin.largest_kept is not None
+    assert margin.smallest_failed is not None
+    assert margin.largest_kept < (servo_task("implicit").margins[GAIN_UP].largest_kept or 0.0)
+    kept = changed(task.loop, ["current"], gain=margin.largest_kept)
+    failed = changed(task.loop, ["current"], gain=margin.smallest_failed)
     assert task.failing_draws(kept) == 0
-    assert task.failing_draws(failed) == margin.failing_draws > 0
+    assert task.failing_draws(failed) == margin.numbers["failing_draws"] != 0
+
+
+def searched(kind: str, bound: float) -> ChangeSearch:
+    """A finished search in which changes up to this one pass."""
+    search = ChangeSearch(kind, Loop(), ["current"], 1e-3)
+    run_searches([search], lambda tried: [factor <= bound for _, factor in tried])
+    return search
 
 
 @pytest.mark.parametrize("kind", [GAIN_DOWN, GAIN_UP])
 @pytest.mark.parametrize("bound", [1.017, 2.4449, 28.46, 507.3])
 def test_a_printed_gain_is_one_that_was_run(kind: str, bound: float) -> None:
-    search = ChangeSearch(kind, 1e-3)
-    while factors := search.on_grid(1024.0):
-        search.known |= {factor: factor <= bound for factor in factors}
-    kept, _ = search.bounds
+    kept, _ = searched(kind, bound).bounds
     assert float(number(kept)) == kept <= bound
 
 
@@ -107,10 +133,7 @@ def test_a_loop_without_actuators_gets_one_for_each_input() -> None:
 @pytest.mark.parametrize("kind", [GAIN_DOWN, GAIN_UP, DELAY])
 @pytest.mark.parametrize("bound", [1.0, 3.3, 700.0])
 def test_a_search_ends_within_one_percent_or_one_timestep(kind: str, bound: float) -> None:
-    search = ChangeSearch(kind, 1e-3)
-    while factors := search.on_grid(1024.0):
-        search.known |= {factor: factor <= bound for factor in factors}
-    kept, failed = search.bounds
+    kept, failed = searched(kind, bound).bounds
     unit = 1e-3 if kind == DELAY else 1.0
     assert kept <= bound * unit < failed
     if kind == DELAY and bound == 700.0:

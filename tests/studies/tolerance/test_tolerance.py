@@ -24,16 +24,15 @@ from conftest import Stored
 from grosmc_mj import cli
 from grosmc_mj.ground.executors import Batch
 from grosmc_mj.output.results.document import json_text
+from grosmc_mj.output.results.verdicts import Verdict, Verdicts, verdict_of
 from grosmc_mj.simulation.loop import Loop
 from grosmc_mj.studies.study import CellRunner
 from grosmc_mj.studies.sweep.confirmation import LEAST_BAND, MarginConfirmation
-from grosmc_mj.studies.sweep.runs import Outcomes
-from grosmc_mj.studies.sweep.search import Search
+from grosmc_mj.studies.sweep.search import Search, grid_of, run_searches
 from grosmc_mj.studies.target import judgeable_in
 from grosmc_mj.studies.tolerance import answer, imperfections, tolerance
 from grosmc_mj.studies.tolerance.answer import verdict
 from grosmc_mj.studies.tolerance.imperfections import Imperfection
-from grosmc_mj.studies.tolerance.row import LawTolerances, Tolerance
 from grosmc_mj.studies.tolerance.search import (
     BEYOND,
     FINER,
@@ -43,10 +42,10 @@ from grosmc_mj.studies.tolerance.search import (
     _confirmed,
     confirm_searches,
     geometric_mean,
-    resolved,
 )
 from grosmc_mj.studies.tolerance.tolerance import ToleranceStudy, tolerance_study, tolerances
-from grosmc_mj.studies.tolerance.trials import Trial, TrialResult, Trials, _judged
+from grosmc_mj.studies.tolerance.words import with_words
+from grosmc_mj.studies.trials import Trial, Trials
 
 DELAY = 0.05
 MOST = imperfections.MOST
@@ -68,29 +67,34 @@ timestep = "5 ms"
 """
 
 
-def answered(keeps: Callable[[float], bool], begin: float = 0.0, **options: Any) -> Search:
+def answered(
+    keeps: Callable[[float], bool],
+    begin: float = 0.0,
+    *,
+    most: float = MOST,
+    per_octave: int = PER_OCTAVE,
+    **options: Any,
+) -> Search:
     """A search on its grid, or from where another one ended."""
-    options = {
-        "most": MOST,
-        "least": imperfections.LEAST,
-        "per_octave": PER_OCTAVE,
-        **options,
-    }
+    least = imperfections.LEAST
     search = Search(
-        middle=geometric_mean,
-        narrow=resolved,
+        geometric_mean,
+        most,
+        least=least,
+        grid=[] if begin else grid_of(least, most, per_octave),
+        beyond=BEYOND,
+        finer=grid_of(least, most, FINER),
         **options,
     )
     if begin:
         search.known[begin] = keeps(begin)
-    while True:
-        factors = search.factors() if begin else search.on_grid(BEYOND)
-        factors = factors or search.finely(FINER)
-        if not factors:
-            return search
-        assert not set(factors) & set(search.known)
-        for factor in factors:
-            search.known[factor] = keeps(factor)
+
+    def passing(tried: list[tuple[Search, float]]) -> list[bool]:
+        assert not {factor for _, factor in tried} & set(search.known)
+        return [keeps(factor) for _, factor in tried]
+
+    run_searches([search], passing)
+    return search
 
 
 @pytest.mark.parametrize(
@@ -150,30 +154,36 @@ def test_times_on_a_grid_are_tried_once() -> None:
     assert round(4 * coarse.failed) == 6
 
 
+def search_for(studied: ToleranceStudy, name: str, *, local: bool = False) -> ToleranceSearch:
+    kind = studied.kinds[name]
+    return ToleranceSearch(studied.laws[0], kind, studied.conditions[0], local=local)
+
+
+def result(share: float, draw: int = 0) -> Verdict:
+    """The verdict on a run that uses this share of its limit."""
+    return verdict_of({"deviation_below": share}, draw=draw)
+
+
 @pytest.mark.parametrize("kept_at_the_bench", [True, False])
 def test_the_bench_s_own_amount_is_run(*, kept_at_the_bench: bool) -> None:
     """Physics begins where the equations end, at 0.98 and 1.06 of the bench."""
-    studied = tolerance_study("servo", ["sign"])
-    search = ToleranceSearch(imperfection(studied, "actuator lag"), studied.conditions[0])
+    search = search_for(tolerance_study("servo", ["sign"]), "actuator lag", local=True)
     kept = {0.0: True, 0.98: True, 1.0: kept_at_the_bench, 1.06: False}
     factors = [0.0, 0.98, 1.06]
     while factors:
         for factor in factors:
             passes = kept.get(factor, factor < 1.0)
-            search.note(factor, TrialResult(passes, 0.0, "deviation_below"))
-        factors = search.next_factors(local=True)
+            search.note(factor, result(0.5 if passes else 1.5))
+        factors = search.next_factors()
 
     assert 1.0 in search.results
-    cell = answer.cell_of(search.tolerance("sign", agrees=False))
-    assert cell.verdict == ("kept" if kept_at_the_bench else "failed")
+    assert search.tolerance(physics_agrees=False).kept is kept_at_the_bench
 
 
 def test_the_bench_s_own_amount_is_kept_in_all_draws() -> None:
-    studied = tolerance_study("servo", ["sign"])
-    kind = imperfection(studied, "computing missed")
-    search = ToleranceSearch(kind, studied.conditions[0])
+    search = search_for(tolerance_study("servo", ["sign"]), "computing missed")
     for factor in (1.0, 2.0):
-        search.note(factor, TrialResult(True, 0.5, ""))
+        search.note(factor, result(0.5))
     assert search.unsure() == [2.0, 1.0]
 
 
@@ -197,7 +207,7 @@ def test_each_number_of_a_bench_is_an_imperfection() -> None:
 
 
 def imperfection(studied: ToleranceStudy, name: str) -> Imperfection:
-    return next(kind for kind in studied.imperfections if kind.name == name)
+    return studied.kinds[name]
 
 
 def test_less_of_a_limit_is_more_of_an_imperfection() -> None:
@@ -306,47 +316,15 @@ def test_an_input_is_judged_where_the_actuator_that_gives_it_is_there(
 # Runs.
 
 
-def test_the_worst_requirement_has_the_least_margin_in_parts_of_its_limit() -> None:
-    """0.5 N m of 100 is less than 0.1 rad of 0.2."""
-    columns = {"margin effort": np.array([0.5]), "margin error": np.array([0.1])}
-    outcomes = Outcomes((), {"status": np.array(["completed"]), **columns})
-    limits: Any = [
-        SimpleNamespace(name="error", number=0.2),
-        SimpleNamespace(name="effort", number=100.0),
-    ]
-    judged = _judged(outcomes, 0, limits, 3)
-    assert judged == TrialResult(True, 0.5 / 100, "effort", 3)
-
-
-def test_a_requirement_without_a_measurement_is_not_kept() -> None:
-    columns = {"margin effort": np.array([0.5]), "margin error": np.array([np.nan])}
-    outcomes = Outcomes((), {"status": np.array(["completed"]), **columns})
-    limits: Any = [SimpleNamespace(name=name, number=1.0) for name in ("effort", "error")]
-    judged = _judged(outcomes, 0, limits, 0)
-    assert (judged.kept, judged.worst) == (False, "error")
-
-
 def test_finished_answers_of_a_law_are_read_as_they_were_written(tmp_path: Path) -> None:
     studied = tolerance_study("servo", ["lqr"])
-    rows = [
-        Tolerance(
-            law="lqr",
-            imperfection=kind,
-            condition="nominal",
-            kept_ideally=True,
-            largest_kept=2.0,
-            smallest_failed=None,
-            kept_again=[(3.0, 4.0)],
-        )
-        for kind in studied.imperfections
-    ]
-    stored = CellRunner(tmp_path, LawTolerances)
+    rows = rows_of(studied)
+    stored = CellRunner(tmp_path, Verdicts)
     (cell,) = studied.cells()
-    stored.write(cell, LawTolerances.of(rows))
+    stored.write(cell, Verdicts(rows=tuple(rows)))
     finished = stored.read(cell)
     assert finished is not None
-    documents = [row.document() for row in studied.tolerances([finished])]
-    assert documents == [row.document() for row in rows]
+    assert studied.tolerances([finished]) == rows
     (more_draws,) = replace(studied, draws=20).cells()
     assert stored.read(more_draws) is None
 
@@ -363,24 +341,6 @@ def test_a_process_reads_the_same_study() -> None:
     assert read.cells()[0].depends_on == studied.cells()[0].depends_on
 
 
-@pytest.mark.parametrize("failing", [None, 0, 1, 3])
-def test_all_draws_must_keep_it(failing: int | None, monkeypatch: pytest.MonkeyPatch) -> None:
-    def made(self: Trials, *groups: Any) -> None:
-        for trial, number in groups[-1]:
-            outcome = TrialResult(number != failing, 0.5, "", number)
-            self.known[trial, number] = outcome
-
-    monkeypatch.setattr(Trials, "_run", made)
-    studied = tolerance_study("servo", ["lqr"])
-    trials = Trials(studied.laws[0], "corrected", {}, studied.bench, draws=4)
-    (worst,) = trials.worst([Trial(studied.conditions[0], studied.bench)])
-    assert worst.kept is (failing is None)
-
-    # None is run for a loop that has failed already.
-    numbers = {number for _, number in trials.known}
-    assert numbers == ({0} if failing == 0 else {0, 1, 2, 3})
-
-
 @pytest.fixture(scope="module")
 def delayed(tmp_path_factory: pytest.TempPathFactory) -> ToleranceStudy:
     """The study of the servo's LQR with a delayed input, without a load."""
@@ -394,7 +354,7 @@ def none_at_random(count: int) -> Any:
     return np.zeros(count, bool)
 
 
-def checked(studied: ToleranceStudy) -> list[Tolerance]:
+def checked(studied: ToleranceStudy) -> list[Verdict]:
     """The tolerances that are looked at in physics, none of them at random."""
     with pytest.MonkeyPatch.context() as monkeypatch:
         monkeypatch.setattr(f"{SEARCH}.drawn_at_random", none_at_random)
@@ -403,7 +363,7 @@ def checked(studied: ToleranceStudy) -> list[Tolerance]:
 
 
 @pytest.fixture(scope="module")
-def neighbours(delayed: ToleranceStudy) -> list[Tolerance]:
+def neighbours(delayed: ToleranceStudy) -> list[Verdict]:
     """The tolerances that are looked at where all are neighbours of the least."""
     with pytest.MonkeyPatch.context() as monkeypatch:
         # The distance of the others from their limits is less than that.
@@ -413,25 +373,26 @@ def neighbours(delayed: ToleranceStudy) -> list[Tolerance]:
 
 
 @pytest.mark.slow
-def test_physics_confirms_the_tolerances_of_lqr(neighbours: list[Tolerance]) -> None:
+def test_physics_confirms_the_tolerances_of_lqr(neighbours: list[Verdict]) -> None:
     assert [row.physics_agrees for row in neighbours] == [True] * 4
 
 
 @pytest.mark.slow
 def test_physics_looks_at_the_least_tolerance(
-    delayed: ToleranceStudy, neighbours: list[Tolerance]
+    delayed: ToleranceStudy, neighbours: list[Verdict]
 ) -> None:
-    assert checked(delayed) == [min(neighbours, key=lambda row: row.largest_kept)]
+    assert checked(delayed) == [min(neighbours, key=lambda row: row.largest_kept or 0.0)]
 
 
 @pytest.mark.slow
-def test_lqr_stands_its_delay_margin(delayed: ToleranceStudy, neighbours: list[Tolerance]) -> None:
+def test_lqr_stands_its_delay_margin(delayed: ToleranceStudy, neighbours: list[Verdict]) -> None:
     design = delayed.laws[0].controller.designed.lqr
     delay = neighbours[0]
     loop = control.ss(design.A, design.B, design.K, np.zeros((1, 1)))
     _, phase, _, crossing = control.margin(loop)
     margin = math.radians(phase) / crossing - delayed.experiment.settings.control_period / 2
-    assert delay.imperfection.name == "computing delay"
+    assert delay.step == "computing delay"
+    assert delay.largest_kept is not None
     assert delay.smallest_failed is not None
     # A growth by less than half in fifty seconds is not told from none.
     assert delay.largest_kept * DELAY < 1.1 * margin
@@ -444,7 +405,7 @@ class AnsweredSearch:
     ends = (1.0,)
 
     def __init__(self, margin: float, largest: float) -> None:
-        self.results = {1.0: TrialResult(True, margin, "")}
+        self.results = {1.0: result(1 - margin)}
         self.weakness = (False, largest)
 
     def trial(self, _: float) -> AnsweredSearch:
@@ -465,9 +426,8 @@ def test_physics_looks_within_ten_times_the_largest_difference_of_a_margin(
 
     physics: Any = SimpleNamespace(known={})
     for search in searches:
-        margin = search.results[1.0].margin
-        physics.known[search, 0] = TrialResult(True, margin, "")
-    physics.known[least, 0] = TrialResult(True, 0.5 + difference, "")
+        physics.known[search, 0] = search.results[1.0]
+    physics.known[least, 0] = result(1 - 0.5 - difference)
 
     monkeypatch.setattr(f"{SEARCH}.drawn_at_random", none_at_random)
     monkeypatch.setattr(f"{SEARCH}._confirmed", lambda chosen, _: dict.fromkeys(chosen, True))
@@ -501,11 +461,13 @@ def test_lqr_keeps_up_to_the_period_at_which_the_sampled_loop_is_unstable(tmp_pa
     )
     (found,) = tolerances(studied, 0)
     assert found.physics_agrees
+    assert found.largest_kept is not None
     assert found.smallest_failed is not None
     # A growth by less than half in fifty seconds is not told from none.
-    longest = found.imperfection.amount(found.largest_kept)
+    period = kinds["control period"]
+    longest = period.amount(found.largest_kept)
     assert spectral_radius(studied, longest) < 1.005
-    assert spectral_radius(studied, found.imperfection.amount(found.smallest_failed)) > 0.995
+    assert spectral_radius(studied, period.amount(found.smallest_failed)) > 0.995
     # Far beyond the 5 ms of the file, on the grid of the timestep.
     assert longest > 0.05
     assert math.remainder(longest, 5e-3) == pytest.approx(0, abs=1e-12)
@@ -542,30 +504,41 @@ def test_a_longer_period_samples_the_law_with_its_surface() -> None:
     period = imperfection(studied, "control period")
     law = studied.laws[1]
     nominal = studied.conditions[0]
-    limits = {nominal: studied.limits(law, nominal)}
-    trials = Trials(law, "corrected", limits, studied.bench, draws=1)
-    (usual,) = trials.worst([Trial(nominal, period.base)])
-    (longer,) = trials.worst([Trial(nominal, period.base, 4e-3)])
+    trials = Trials("corrected", studied.limits, built=studied.bench)
+    usual, longer = trials.over_draws(
+        [Trial(law, nominal, period.base), Trial(law, nominal, period.base, 4e-3)]
+    )
     assert usual.kept
     assert longer.kept
-    assert usual.margin != longer.margin
+    assert usual.share != longer.share
 
 
 # The answer.
 
 
 def row_of(
-    studied: ToleranceStudy, at: int, kept: float, failed: float | None, **more: Any
-) -> Tolerance:
-    usual: dict[str, Any] = {"law": "lqr", "condition": "nominal", "kept_ideally": True}
-    numbers = {**usual, "breaks": "deviation_below", "largest_kept": kept, **more}
-    return Tolerance(imperfection=studied.imperfections[at], smallest_failed=failed, **numbers)
+    studied: ToleranceStudy, at: int, kept: float | None, failed: float | None, **more: Any
+) -> Verdict:
+    """The tolerance to an imperfection; what the bench has of it is kept."""
+    kind = studied.imperfections[at]
+    fields = {
+        "law": "lqr",
+        "step": kind.name,
+        "condition": "nominal",
+        "share": 0.5,
+        "tightest": "deviation_below",
+        "largest_kept": kept,
+        "smallest_failed": failed,
+        **more,
+    }
+    return with_words(Verdict(**fields), kind)
 
 
-def rows_of(studied: ToleranceStudy, kept: float = 2.0, **more: Any) -> list[Tolerance]:
-    changes = {"kept_again": [(4.0, 8.0)], "physics_agrees": True, **more}
-    count = len(studied.imperfections)
-    return [row_of(studied, i, kept, kept + 0.1, **changes) for i in range(count)]
+def rows_of(studied: ToleranceStudy, kept: float | None = 2.0, **more: Any) -> list[Verdict]:
+    """Tolerances to all imperfections."""
+    changes = {"kept_again": ((4.0, 8.0),), "physics_agrees": True, **more}
+    failed = 0.0 if kept is None else kept + 0.1
+    return [row_of(studied, i, kept, failed, **changes) for i in range(len(studied.imperfections))]
 
 
 @pytest.mark.parametrize(
@@ -574,18 +547,18 @@ def rows_of(studied: ToleranceStudy, kept: float = 2.0, **more: Any) -> list[Tol
         (0, 2.9, 3.5, {}, "3"),
         # Less than half a timestep is none of it.
         (0, 0.125, 0.5, {}, "none"),
-        (0, 0.0, 0.5, {"kept_ideally": False}, "no"),
-        (0, 1024.0, None, {"breaks": ""}, "≥ 1000"),
-        (5, 16.0, None, {"breaks": ""}, "≤ 0.25"),
+        (0, None, 0.0, {"share": math.inf}, "no"),
+        (0, 1024.0, None, {"tightest": ""}, "≥ 1000"),
+        (5, 16.0, None, {"tightest": ""}, "≤ 0.25"),
         (3, 2.0, 2.1, {"physics_agrees": False}, "3.07!"),
-        (7, 1.0, None, {"breaks": ""}, "yes"),
-        (7, 0.0, 1.0, {}, "no"),
+        (7, 1.0, None, {"tightest": "", "share": 0.0}, "yes"),
+        (7, 0.0, 1.0, {"share": math.inf}, "no"),
         (9, 2.0, 2.1, {}, "2"),
-        (1, 0.0, None, {"kept_ideally": False, "impossible": "there is no filter"}, "-"),
+        (1, None, 0.0, {"impossible": "there is no filter"}, "-"),
     ],
 )
 def test_a_cell_has_the_amount_that_is_run(
-    index: int, kept: float, failed: float | None, more: dict[str, Any], cell: str
+    index: int, kept: float | None, failed: float | None, more: dict[str, Any], cell: str
 ) -> None:
     studied = tolerance_study("servo", ["lqr"])
     assert row_of(studied, index, kept, failed, **more).cell == cell
@@ -593,18 +566,18 @@ def test_a_cell_has_the_amount_that_is_run(
 
 def test_the_verdict_has_the_amount_that_fails() -> None:
     studied = tolerance_study("servo", ["lqr"])
-    assert verdict([row_of(studied, 0, 2.9, 3.5)]) == (
+    assert verdict([row_of(studied, 0, 2.9, 3.5)], studied.kinds) == (
         "lqr breaks first, by computing delay: all is kept up to 3 ms (2.9 times the bench's); "
         "the first failure found is at 3.5 ms (3.5 times the bench's): deviation below."
     )
-    never = verdict([row_of(studied, 0, 0.125, 0.5, condition="case1")])
+    never = verdict([row_of(studied, 0, 0.125, 0.5, condition="case1")], studied.kinds)
     assert "under case1: all is kept only without it; the first failure found is at 0.5 ms" in never
 
 
 def test_the_page_of_a_result_has_the_least_that_is_stood_ideally() -> None:
     studied = tolerance_study("servo", ["lqr", "implicit"])
     weaker = rows_of(studied, 1.0, condition="case1", kept_again=())
-    never = rows_of(studied, condition="case2", kept_ideally=False)
+    never = rows_of(studied, None, condition="case2", share=math.inf)
     # The other law was interrupted after its first answer.
     endless = row_of(studied, 5, 0.0, 0.0625, law="implicit")
     rows = [*rows_of(studied), *weaker, *never, endless]
@@ -614,7 +587,7 @@ def test_the_page_of_a_result_has_the_least_that_is_stood_ideally() -> None:
     header, lqr, implicit = (
         [cell.strip() for cell in lines[i].strip("|").split("|")] for i in (2, 4, 5)
     )
-    answers = {row.imperfection.heading: row.cell for row in weaker}
+    answers = {studied.kinds[row.step].heading: row.cell for row in weaker}
     expected = {"law": "lqr", "keeps ideally": "nominal, case1", **answers}
     assert dict(zip(header, lqr, strict=True)) == expected
     assert implicit[header.index("actuator limit [A]")] == "none"
@@ -625,7 +598,7 @@ def test_the_page_of_a_result_has_the_least_that_is_stood_ideally() -> None:
     assert document["standings"][1]["words"] == words
 
 
-def answer_first_law(studied: ToleranceStudy, index: int, **_: object) -> list[Tolerance]:
+def answer_first_law(studied: ToleranceStudy, index: int, **_: object) -> list[Verdict]:
     """Made-up tolerances of the first law; an interrupt at the second one."""
     if index == 1:
         raise KeyboardInterrupt
@@ -659,10 +632,10 @@ def finished(interrupted: Stored, tmp_path_factory: pytest.TempPathFactory) -> S
 def assert_first_law_is_kept(studied: Stored, *, complete: bool) -> None:
     content = studied.read("tolerance_arm_bench.json")
     assert content["complete"] is complete
-    assert {row["law"] for row in content["tolerances"]} == {"lqr"}
-    row = content["tolerances"][0]
-    assert row["largest_kept"]["factor"] == 2.0
-    assert row["kept_again"][0][1] == {"factor": 8.0, "shown": 0.008}
+    assert {row["law"] for row in content["verdicts"]} == {"lqr"}
+    row = content["verdicts"][0]
+    assert row["largest_kept"] == 2.0
+    assert row["kept_again"] == [[4.0, 8.0]]
     assert (studied.folder / "tolerance_arm_bench.png").is_file()
 
 
@@ -679,8 +652,8 @@ def test_a_finished_study_overwrites_an_interrupted_one(finished: Stored) -> Non
 def test_a_law_that_keeps_everything_under_no_condition_is_a_verdict(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def never_kept(studied: ToleranceStudy, *_: object, **__: object) -> list[Tolerance]:
-        return rows_of(studied, kept_ideally=False)
+    def never_kept(studied: ToleranceStudy, *_: object, **__: object) -> list[Verdict]:
+        return rows_of(studied, None)
 
     monkeypatch.setattr(tolerance, "tolerances", never_kept)
     monkeypatch.setattr(tolerance, "executor_for", lambda _: Batch())
@@ -688,7 +661,8 @@ def test_a_law_that_keeps_everything_under_no_condition_is_a_verdict(
 
 
 def test_the_answer_names_the_law_that_breaks_first(finished: Stored) -> None:
-    answer = verdict(rows_of(tolerance_study("arm", ["lqr"])))
+    studied = tolerance_study("arm", ["lqr"])
+    answer = verdict(rows_of(studied), studied.kinds)
     assert answer in " ".join(finished.said.split())
 
 
