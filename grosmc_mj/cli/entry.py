@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from grosmc_mj.cli.exit_codes import INTERRUPTED, WRONG
+from grosmc_mj.cli.screen import AGAIN
 from grosmc_mj.cli.streams import PROGRAM, Output
 from grosmc_mj.ground.errors import (
     MISTAKE_SEPARATOR,
@@ -70,7 +71,7 @@ def _exit_code(arguments: Sequence[str], debug: bool) -> int:
 
         return execute(arguments)
     except KeyboardInterrupt as stop:
-        _complain(str(stop) or "interrupted; run the same command again to start over")
+        _complain(str(stop) or AGAIN)
         return INTERRUPTED
     except GrosmcError as error:
         _trace(debug)

@@ -5,10 +5,8 @@ from __future__ import annotations
 import contextlib
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence, Sized
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
-
-from grosmc_mj.ground.errors import SetupError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -29,7 +27,8 @@ _MOST_LINES = 5
 _MOST_REMARKS = 14
 _MOST_ROWS = 18
 _LEAST_ROWS = 8
-# Advice after an interrupt, where finished parts are kept.
+# Advice after an interrupt: where nothing is kept, and where finished pieces are.
+AGAIN = "interrupted; run the same command again to start over"
 RESUME = "interrupted; the same command with --resume runs what is missing"
 
 
@@ -83,47 +82,6 @@ def say_files(to: Console, *files: Path) -> None:
 def notice(line: str) -> None:
     """Print a line that is no result on standard error."""
     print(line, file=sys.stderr)
-
-
-@contextlib.contextmanager
-def answered(
-    path: Path,
-    result: Callable[[bool], Result],
-    done: Sized,
-    draw: Callable[[], Sequence[Path]],
-    *,
-    full: bool,
-    advice: str = "",
-) -> Iterator[None]:
-    """Write and print the result of the work in this block.
-
-    If the work is interrupted or fails, the result of its finished part is written, not printed.
-
-    Args:
-        path: JSON file of the result.
-        result: Returns the result, of the whole work if its argument is True.
-        done: Parts of the work that are done, filled one by one; without any nothing is written.
-        draw: Draws the figures and writes other files; returns their paths.
-        full: True to print all tables.
-        advice: What to do after an interrupt; to start over by default.
-    """
-    from grosmc_mj.ground.files import require_writable
-    from grosmc_mj.output.results.document import write_json
-
-    require_writable(path)
-    try:
-        yield
-    except (Exception, KeyboardInterrupt) as end:
-        # The error that ended the block is the one to report, not a second one here.
-        with contextlib.suppress(SetupError):
-            if len(done):
-                write_json(path, result(False))
-                say_files(console(), path, *draw())
-
-        if advice and isinstance(end, KeyboardInterrupt):
-            raise KeyboardInterrupt(advice) from None
-        raise
-    say_result(result(True), path, draw, full=full)
 
 
 def say_result(

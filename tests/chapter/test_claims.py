@@ -707,7 +707,7 @@ def answer_lines(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     """Lines that the command prints where all verdicts are as expected."""
     folder = tmp_path_factory.mktemp("all_claims")
     with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(claims_command, "judge_with_progress", lambda *_: EXPECTED)
+        monkeypatch.setattr(claims_command, "judge_in_processes", lambda *_: EXPECTED)
         with contextlib.redirect_stdout(io.StringIO()) as output:
             assert run("claims", "--out", folder) == cli.DONE
     return output.getvalue().rstrip("\n").split("\n")

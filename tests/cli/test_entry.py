@@ -242,7 +242,7 @@ def test_results_that_cannot_be_written_are_printed(
     case: Path, capsys: Screen, monkeypatch: Patch
 ) -> None:
     # Their place is taken after it was looked at.
-    monkeypatch.setattr("grosmc_mj.cli.commands.run.require_writable", lambda *paths: None)
+    monkeypatch.setattr("grosmc_mj.cli.answering.require_writable", lambda *paths: None)
     (case.parent / "out" / "small.json").mkdir(parents=True)
     assert run("run", case, "--out", case.parent / "out") == cli.WRONG
     output = capsys.readouterr()

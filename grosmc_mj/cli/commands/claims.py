@@ -5,26 +5,28 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import OUTPUT, Command, Flag, Out, command
-from grosmc_mj.cli.exit_codes import DIFFERS, DONE
+from grosmc_mj.cli.answering import AnsweringCommand, Question
+from grosmc_mj.cli.command import OUTPUT, Flag, Out, command
 from grosmc_mj.cli.targets import CASES
 from grosmc_mj.ground.errors import ArgumentError
-from grosmc_mj.ground.files import require_writable
 
 if TYPE_CHECKING:
     from grosmc_mj.chapter.claims.claim import Claim, Finding
+    from grosmc_mj.experiments.assumptions.audit import Audit
+    from grosmc_mj.experiments.experiment import Experiment
     from grosmc_mj.experiments.run_cache import RunCache
+    from grosmc_mj.output.results.result import Result
 
 _Claims = Annotated[str | None, Parameter(show_default="all claims")]
 
 
 @command
-class JudgeCommand(Command):
+class JudgeCommand(AnsweringCommand):
     """Judge the chapter's claims, each with its number: supported, refuted, undetermined, ...
 
     Every claim is measured on each plant that it can be asked of, at the control period and at half
@@ -46,38 +48,12 @@ class JudgeCommand(Command):
     page: Annotated[Path | None, Parameter(metavar="FILE.md", group=OUTPUT)] = None
     out: Out = Path("renders")
 
-    def execute(self) -> int:
-        """Judge the claims, write and print the result, compare it with the expected verdicts."""
-        from grosmc_mj.chapter.claims.judging import verdict_differences
+    def questions(self) -> Sequence[Question]:
+        """Return the one question of the claims."""
         from grosmc_mj.chapter.claims.ledger import select_claims
-        from grosmc_mj.chapter.claims.page import write_page
-        from grosmc_mj.chapter.claims.picture import write_picture
-        from grosmc_mj.chapter.claims.results import claims_result
 
         self._refuse_page()
-        claims = select_claims(self.target)
-        path = self.out / "claims.json"
-        if claims[0].id == self.target:
-            path = self.out / f"claims/{self.target}.json"
-        require_writable(path)
-        lab = _run_cache()
-        findings = judge_with_progress(lab, claims)
-        differences = [f"differs: {line}" for line in verdict_differences(findings)]
-        result = claims_result(findings, lab.settings, differences)
-        if findings[0].claim.id == self.target:
-            picture = path.with_suffix(".png")
-            screen.say_result(
-                result,
-                path,
-                lambda: (write_picture(findings[0], lab, picture),),
-                full=self.verbose,
-            )
-        else:
-            screen.say_result(result, path, full=self.verbose)
-
-        if self.page is not None:
-            screen.say_files(screen.console(), *write_page(findings, lab, self.page))
-        return DIFFERS if differences else DONE
+        return [_JudgeQuestion(self, select_claims(self.target))]
 
     def _refuse_page(self) -> None:
         """Refuse a page that is no Markdown, or is about some claims only."""
@@ -89,8 +65,63 @@ class JudgeCommand(Command):
             raise ArgumentError(f"--page {self.page} is about all claims: leave out {self.target}")
 
 
+class _JudgeQuestion(Question):
+    """Are the claims supported or refuted, and as the repository expects?"""
+
+    def __init__(self, command: JudgeCommand, claims: Sequence[Claim]) -> None:
+        self.path = command.out / "claims.json"
+        self._one = claims[0].id == command.target
+        if self._one:
+            self.path = command.out / f"claims/{command.target}.json"
+        self._page = command.page
+        self._claims = claims
+        self._lab = _run_cache()
+        self._findings: list[Finding] = []
+
+    def measure(self) -> None:
+        """Judge the claims with a progress bar."""
+        with screen.progress(len(self._claims), "claims") as advance:
+            self._findings = judge_in_processes(self._lab, self._claims, advance)
+
+    def result(self, *, complete: bool) -> Result | None:
+        """Return the judged claims."""
+        from grosmc_mj.chapter.claims.results import claims_result
+
+        if not self._findings:
+            return None
+        differences = [f"differs: {line}" for line in self._differences]
+        return claims_result(self._findings, self._lab.settings, differences)
+
+    def draw(self) -> Sequence[Path]:
+        """Draw the story of a single claim."""
+        from grosmc_mj.chapter.claims.picture import write_picture
+
+        if not self._one:
+            return ()
+        return (write_picture(self._findings[0], self._lab, self.path.with_suffix(".png")),)
+
+    def close(self) -> None:
+        """Write the page on all claims, if it is asked for."""
+        from grosmc_mj.chapter.claims.page import write_page
+
+        if self._page is not None:
+            files = write_page(self._findings, self._lab, self._page)
+            screen.say_files(screen.console(), *files)
+
+    @property
+    def kept(self) -> bool:
+        """Whether all verdicts are as expected."""
+        return not self._differences
+
+    @property
+    def _differences(self) -> list[str]:
+        from grosmc_mj.chapter.claims.judging import verdict_differences
+
+        return verdict_differences(self._findings)
+
+
 @command
-class SweepCommand(Command):
+class SweepCommand(AnsweringCommand):
     """Vary every choice that a claim depends on, and show where its answer turns.
 
     Writes sweeps.json.
@@ -106,28 +137,47 @@ class SweepCommand(Command):
     record: Flag = False
     out: Out = Path("renders")
 
-    def execute(self) -> int:
-        """Vary the choices, write and print the result."""
+    def questions(self) -> Sequence[Question]:
+        """Return the one question of the sweeps."""
         from grosmc_mj.chapter.claims.ledger import select_claims
-        from grosmc_mj.chapter.claims.results import sweeps_result
-        from grosmc_mj.chapter.claims.sweep import STORED, sweep
+        from grosmc_mj.chapter.claims.sweep import STORED
 
         if self.record and self.target:
             raise ArgumentError(f"--record keeps the sweeps of all claims: leave out {self.target}")
-
         path = STORED if self.record else self.out / "sweeps.json"
-        require_writable(path)
-        lab = _run_cache()
-        claims = select_claims(self.target)
-        with screen.progress(len(claims), "claims") as advance:
-            sweeps = list(sweep(lab, claims, advance))
+        return [_SweepQuestion(path, select_claims(self.target), record=self.record)]
 
-        screen.say_result(sweeps_result(sweeps, lab.settings), path, full=self.verbose)
-        return DONE
+
+class _SweepQuestion(Question):
+    """Where the answers of claims turn as their choices vary."""
+
+    def __init__(self, path: Path, claims: Sequence[Claim], *, record: bool) -> None:
+        self.path = path
+        self._claims = claims
+        self._record = record
+        self._lab = _run_cache()
+        self._sweeps: list[dict[str, Any]] = []
+
+    def measure(self) -> None:
+        """Vary the choices."""
+        from grosmc_mj.chapter.claims.sweep import sweep
+
+        with screen.progress(len(self._claims), "claims") as advance:
+            # One by one: an interrupt leaves the first ones.
+            self._sweeps.extend(sweep(self._lab, self._claims, advance))
+
+    def result(self, *, complete: bool) -> Result | None:
+        """Return the finished sweeps; a part of them is no record."""
+        from grosmc_mj.chapter.claims.results import sweeps_result
+
+        if not complete and (self._record or not self._sweeps):
+            return None
+        result = sweeps_result(self._sweeps, self._lab.settings)
+        return result.model_copy(update={"complete": complete})
 
 
 @command
-class PremisesCommand(Command):
+class PremisesCommand(AnsweringCommand):
     """Check the premises of the theorems in each case.
 
     Controllability, G B, relative degree, matching, the input-gain ratio, the switching gain
@@ -146,24 +196,41 @@ class PremisesCommand(Command):
     laws: Annotated[str, Parameter(metavar="NAME")] = "grosmc"
     out: Out = Path("renders")
 
-    def execute(self) -> int:
-        """Check the premises, write the result and print what fails."""
-        from grosmc_mj.chapter.premises import premises_result
-        from grosmc_mj.experiments.assumptions.robot import audit_of
+    def questions(self) -> Sequence[Question]:
+        """Return the one question of the premises."""
         from grosmc_mj.experiments.catalogue import find_experiments
 
-        lab = _run_cache()
         experiments = find_experiments(self.target)
         # The theorems know of no loop: of a system its benches are left out.
         without_loop = [item for item in experiments if item.loop is None]
-        if without_loop:
-            experiments = without_loop
+        return [_PremisesQuestion(self, without_loop or experiments)]
 
-        path = self.out / f"premises_{experiments[0].system}.json"
-        require_writable(path)
-        audits = [audit_of(lab, experiment, self.laws) for experiment in experiments]
-        screen.say_result(premises_result(audits, lab.settings), path, full=self.verbose)
-        return DONE
+
+class _PremisesQuestion(Question):
+    """Do the premises of the theorems hold in each case?"""
+
+    def __init__(self, command: PremisesCommand, experiments: Sequence[Experiment]) -> None:
+        self.path = command.out / f"premises_{experiments[0].system}.json"
+        self._law = command.laws
+        self._experiments = experiments
+        self._lab = _run_cache()
+        self._audits: list[Audit] = []
+
+    def measure(self) -> None:
+        """Check the premises of each case."""
+        from grosmc_mj.experiments.assumptions.robot import audit_of
+
+        for experiment in self._experiments:
+            self._audits.append(audit_of(self._lab, experiment, self._law))
+
+    def result(self, *, complete: bool) -> Result | None:
+        """Return the finished audits."""
+        from grosmc_mj.chapter.premises import premises_result
+
+        if not self._audits:
+            return None
+        result = premises_result(self._audits, self._lab.settings)
+        return result.model_copy(update={"complete": complete})
 
 
 def _run_cache() -> RunCache:
@@ -172,12 +239,6 @@ def _run_cache() -> RunCache:
     from grosmc_mj.experiments.settings import Settings
 
     return RunCache(Settings())
-
-
-def judge_with_progress(lab: RunCache, claims: Sequence[Claim]) -> list[Finding]:
-    """Judge claims with a progress bar."""
-    with screen.progress(len(claims), "claims") as advance:
-        return judge_in_processes(lab, claims, advance)
 
 
 def judge_in_processes(

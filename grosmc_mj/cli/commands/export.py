@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Sequence
 from dataclasses import KW_ONLY, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,20 +11,21 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command, Flag, Out, Target, WholeNumber, command
-from grosmc_mj.cli.exit_codes import DIFFERS, DONE
+from grosmc_mj.cli.answering import AnsweringCommand, Question
+from grosmc_mj.cli.command import Flag, Out, Target, WholeNumber, command
 from grosmc_mj.cli.targets import result_name, shown_experiment
 from grosmc_mj.ground.errors import ArgumentError, placed
-from grosmc_mj.ground.files import name_in_files, require_writable
+from grosmc_mj.ground.files import name_in_files
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
     from grosmc_mj.export.law import LawInC
     from grosmc_mj.export.proof import Proof
+    from grosmc_mj.output.results.result import Result
 
 
 @command
-class ExportCommand(Command):
+class ExportCommand(AnsweringCommand):
     """Write a law of a case as C99, and prove that it is the same law.
 
     NAME.h and NAME.c need nothing but the C library: no allocation, NAME_init and NAME_step, a
@@ -64,31 +66,12 @@ class ExportCommand(Command):
     ] = None
     out: Out = Path("renders")
 
-    def execute(self) -> int:
-        """Write the law, prove it, write it once more with its proof."""
-        from grosmc_mj.export.answer import NOT_PROVEN, about, export_result
-        from grosmc_mj.export.compiler import write_law
-        from grosmc_mj.export.fmu import write_fmu
-
+    def questions(self) -> Sequence[Question]:
+        """Return the one question of the law."""
         if self.plants is not None and self.plants < 0:
             raise ArgumentError(f"--plants {self.plants} must not be below 0")
         experiment = shown_experiment(self.target)
-        law = self._exported(experiment)
-        path = self.out / f"export_{law.name}.json"
-        suffixes = [".h", ".c", *[".fmu"] * self.fmu]
-        require_writable(path, *[self.out / f"{law.name}{suffix}" for suffix in suffixes])
-        proof = self._proof(experiment, law)
-
-        proven = NOT_PROVEN if proof is None else proof.words
-        law = replace(law, about=about(experiment, law.controller, proven, law.real))
-        files = [*write_law(law, self.out)]
-        if self.fmu:
-            files.append(write_fmu(law, experiment.x0, self.out))
-
-        result = export_result(experiment, law, proof)
-        screen.say_result(result, path, full=self.verbose)
-        screen.say_files(screen.console(), *files)
-        return _exit_code(law, proof)
+        return [_ExportQuestion(self, experiment, self._exported(experiment))]
 
     def _exported(self, experiment: Experiment) -> LawInC:
         """Return the law in C, without a word on its proof.
@@ -124,7 +107,40 @@ class ExportCommand(Command):
             require_answer(controller, np.array(experiment.x0), len(law.system.inputs))
         return law
 
-    def _proof(self, experiment: Experiment, law: LawInC) -> Proof | None:
+
+class _ExportQuestion(Question):
+    """Is the law in C the same law?"""
+
+    def __init__(self, command: ExportCommand, experiment: Experiment, law: LawInC) -> None:
+        self.path = command.out / f"export_{law.name}.json"
+        self._command = command
+        self._experiment = experiment
+        self._law = law
+        self._proof: Proof | None = None
+        self._written: list[Path] = []
+
+    @property
+    def files(self) -> Sequence[Path]:
+        """The files of the law."""
+        suffixes = [".h", ".c", *[".fmu"] * self._command.fmu]
+        return [self._command.out / f"{self._law.name}{suffix}" for suffix in suffixes]
+
+    def measure(self) -> None:
+        """Prove the law, and write it with its proof."""
+        from grosmc_mj.export.answer import NOT_PROVEN, about
+        from grosmc_mj.export.compiler import write_law
+        from grosmc_mj.export.fmu import write_fmu
+
+        self._proof = self._proven()
+        words = NOT_PROVEN if self._proof is None else self._proof.words
+        law = self._law
+        text = about(self._experiment, law.controller, words, law.real)
+        self._law = replace(law, about=text)
+        self._written = [*write_law(self._law, self._command.out)]
+        if self._command.fmu:
+            self._written.append(write_fmu(self._law, self._experiment.x0, self._command.out))
+
+    def _proven(self) -> Proof | None:
         """Run the law beside the Python law; None without a compiler."""
         from grosmc_mj.export.compiler import compile_law, find_compiler, write_law
         from grosmc_mj.export.proof import RANDOM_LOOPS, prove, uncertain_experiment
@@ -132,21 +148,33 @@ class ExportCommand(Command):
         compiler = find_compiler()
         if compiler is None:
             return None
-        plants = self.plants
+        plants = self._command.plants
         if plants is None:
-            plants = RANDOM_LOOPS if self.loop else 1000
-        if uncertain_experiment(experiment) is None:
+            plants = RANDOM_LOOPS if self._command.loop else 1000
+        if uncertain_experiment(self._experiment) is None:
             plants = 0
         with tempfile.TemporaryDirectory() as folder:
-            write_law(law, Path(folder))
-            compiled = compile_law(law, Path(folder), compiler)
-            with screen.progress(len(experiment.plant_names) + plants) as advance:
-                return prove(experiment, law, compiled, plants, advance)
+            write_law(self._law, Path(folder))
+            compiled = compile_law(self._law, Path(folder), compiler)
+            with screen.progress(len(self._experiment.plant_names) + plants) as advance:
+                return prove(self._experiment, self._law, compiled, plants, advance)
 
+    def result(self, *, complete: bool) -> Result | None:
+        """Return the proof, once the law is written."""
+        from grosmc_mj.export.answer import export_result
 
-def _exit_code(law: LawInC, proof: Proof | None) -> int:
-    """Exit code of a proof."""
-    if proof is None:
-        return DONE
-    differs = bool(proof.overturned) or (law.real == "double" and not proof.equal)
-    return DIFFERS if differs else DONE
+        if not complete:
+            return None
+        return export_result(self._experiment, self._law, self._proof)
+
+    def close(self) -> None:
+        """Print the files of the law."""
+        screen.say_files(screen.console(), *self._written)
+
+    @property
+    def kept(self) -> bool:
+        """Whether no verdict differs and, in double precision, no bit."""
+        proof = self._proof
+        if proof is None:
+            return True
+        return not proof.overturned and (self._law.real != "double" or proof.equal)

@@ -2,30 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import OUTPUT, Command, Flag, Out, command
-from grosmc_mj.cli.exit_codes import DONE, INTERRUPTED
+from grosmc_mj.cli.answering import AnsweringCommand, Question
+from grosmc_mj.cli.command import OUTPUT, Flag, Out, command
 from grosmc_mj.cli.films import write_film_of_log
 from grosmc_mj.cli.targets import result_name
 from grosmc_mj.ground.errors import ArgumentError, SetupError
-from grosmc_mj.ground.files import require_writable
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
     from grosmc_mj.experiments.logs.log import Log
     from grosmc_mj.identify.fit import Fit
+    from grosmc_mj.identify.model import LogModel
+    from grosmc_mj.identify.parameters import Parameters
     from grosmc_mj.identify.replay import Predictor
+    from grosmc_mj.output.films.film import Film
+    from grosmc_mj.output.results.result import Result
+    from grosmc_mj.theory.plants import Plant
 
 
 @dataclass(frozen=True)
-class _OfLog(Command):
+class _OfLog(AnsweringCommand):
     """Arguments and options of both commands.
 
     Attributes:
@@ -84,88 +88,23 @@ class IdentifyCommand(_OfLog):
     fit: Annotated[tuple[str, ...], Parameter(metavar="NAME...", show_default="all")] = ()
     hold_out: Annotated[float, Parameter(metavar="SHARE")] = 0.3
 
-    def execute(self) -> int:
-        """Read the logs, fit the parameters, write and print the result."""
-        from grosmc_mj.identify.fit import fit
+    def questions(self) -> Sequence[Question]:
+        """Return the one question of the logs."""
         from grosmc_mj.identify.parameters import parameters_of
 
         if not 0 < self.hold_out < 0.9:
             raise ArgumentError(f"--hold-out {self.hold_out:g} must be above 0 and below 0.9")
         experiment, log = self._read()
-        path = self._path("identification", experiment)
-        # The case file has a name of its own: a run of it writes results of that name.
-        case_file = self._path("identify", experiment).with_suffix(".toml")
-        require_writable(path, path.with_suffix(".png"), case_file)
-        parameters = parameters_of(experiment, self.fit)
-        plant = experiment.plant(experiment.nominal.truest)
-        timestep = experiment.settings.timestep
-        fitted, held_out = self._parts(log, timestep)
-
-        with screen.progress(1) as advance:
-            best = fit(parameters, fitted, plant, progress=lambda text: advance(text, 0))
-            advance("fitted")
-        try:
-            self._answer(best, held_out, log, path, fitted)
-        finally:
-            # A fit is hours of a bench: no other failure may lose it.
-            self._write_case(best, log.name, case_file)
-        return DONE if best.finished else INTERRUPTED
-
-    def _answer(
-        self, best: Fit, held_out: Predictor, log: Log, path: Path, fitted: Predictor
-    ) -> None:
-        """Predict the part of the log that was held out, write and print the result.
-
-        Args:
-            best: The fit.
-            held_out: The part of the log that was held out.
-            log: The whole log.
-            path: JSON file of the result.
-            fitted: The part of the log that was fitted.
-        """
-        from grosmc_mj.identify.compare import prediction_errors
-        from grosmc_mj.identify.fit import slip
-        from grosmc_mj.identify.pushes import unexplained_moments
-        from grosmc_mj.identify.quality import quality, residuals
-        from grosmc_mj.identify.replay import Predictor
-        from grosmc_mj.identify.report import draw_residuals, identification
-
-        experiment = best.parameters.experiment
-        plant = experiment.plant(experiment.nominal.truest)
-        timestep = experiment.settings.timestep
-        errors = residuals(best, held_out, plant)
-        rows = quality(errors, held_out.log, plant.system)
-        found = best.model(plant)
-        predicted, _ = prediction_errors({"fitted": found}, held_out.log, self.horizon, timestep)
-
-        short = Predictor.leading(log, self.horizon, timestep).short_words(self.horizon)
-        doubts = [*log.notes, *filter(None, [short, slip(best, fitted, plant)])]
-        doubts += unexplained_moments([found], log, self.horizon, timestep)
-        result = identification(
-            best, rows, predicted, log.name, self.horizon, self.hold_out, doubts
+        question = _IdentifyQuestion(
+            path=self._path("identification", experiment),
+            # It has a name of its own: a run of it writes results of that name.
+            case_file=self._path("identify", experiment).with_suffix(".toml"),
+            command=self,
+            parameters=parameters_of(experiment, self.fit),
+            log=log,
+            parts=self._parts(log, experiment.settings.timestep),
         )
-
-        def drawn() -> Sequence[Path]:
-            figure = path.with_suffix(".png")
-            draw_residuals(errors, held_out.log, plant.system, figure)
-            return (figure,)
-
-        screen.say_result(result, path, drawn, full=self.verbose)
-
-    def _write_case(self, best: Fit, log: str, path: Path) -> None:
-        """Write the case file of the fit; print it where it cannot be written.
-
-        Raises:
-            SetupError: If it cannot be written.
-        """
-        from grosmc_mj.identify.case_file import case_text, write_case
-
-        try:
-            write_case(best, log, path)
-        except SetupError:
-            screen.console().print(case_text(best, log, path), markup=False, soft_wrap=True, end="")
-            raise
-        screen.say_files(screen.console(), path)
+        return [question]
 
     def _parts(self, log: Log, timestep: float) -> tuple[Predictor, Predictor]:
         """Return the part of a log that is fitted, and the one that is held out, in windows.
@@ -186,6 +125,117 @@ class IdentifyCommand(_OfLog):
         )
 
 
+@dataclass
+class _IdentifyQuestion(Question):
+    """Which parameters does the log show?
+
+    Attributes:
+        path: JSON file of the result.
+        case_file: Case file of the fit.
+        command: The options.
+        parameters: Parameters to be fitted.
+        log: The whole log.
+        parts: The part of the log that is fitted, and the one that is held out.
+        best: The fit; None before it.
+        errors: Residuals of the part that is held out.
+    """
+
+    path: Path
+    case_file: Path
+    command: IdentifyCommand
+    parameters: Parameters
+    log: Log
+    parts: tuple[Predictor, Predictor]
+    best: Fit | None = None
+    errors: Any = None
+
+    @property
+    def files(self) -> Sequence[Path]:
+        """The figure and the case file."""
+        return (self.path.with_suffix(".png"), self.case_file)
+
+    def measure(self) -> None:
+        """Fit the parameters, and write their case file.
+
+        Raises:
+            KeyboardInterrupt: After an interrupt, with the best values so far in place of the fit.
+        """
+        from grosmc_mj.identify.fit import fit
+
+        fitted, _ = self.parts
+        with screen.progress(1) as advance:
+            best = fit(self.parameters, fitted, self._plant, progress=lambda text: advance(text, 0))
+            advance("fitted")
+        self.best = best
+        # A fit is hours of a bench: no failure of what follows may lose it.
+        self._write_case(best)
+        if not best.finished:
+            raise KeyboardInterrupt
+
+    @property
+    def _plant(self) -> Plant:
+        """The plant that is fitted."""
+        experiment = self.parameters.experiment
+        return experiment.plant(experiment.nominal.truest)
+
+    def _write_case(self, best: Fit) -> None:
+        """Write the case file of the fit; print it where it cannot be written.
+
+        Raises:
+            SetupError: If it cannot be written.
+        """
+        from grosmc_mj.identify.case_file import case_text, write_case
+
+        try:
+            write_case(best, self.log.name, self.case_file)
+        except SetupError:
+            text = case_text(best, self.log.name, self.case_file)
+            screen.console().print(text, markup=False, soft_wrap=True, end="")
+            raise
+
+    def result(self, *, complete: bool) -> Result | None:
+        """Predict the part of the log that is held out, and return the result."""
+        from grosmc_mj.identify.compare import prediction_errors
+        from grosmc_mj.identify.fit import slip
+        from grosmc_mj.identify.pushes import unexplained_moments
+        from grosmc_mj.identify.quality import quality, residuals
+        from grosmc_mj.identify.replay import Predictor
+        from grosmc_mj.identify.report import identification
+
+        best = self.best
+        if best is None:
+            return None
+        plant = self._plant
+        horizon = self.command.horizon
+        timestep = self.parameters.experiment.settings.timestep
+        fitted, held_out = self.parts
+        self.errors = residuals(best, held_out, plant)
+        rows = quality(self.errors, held_out.log, plant.system)
+        found = best.model(plant)
+        predicted, _ = prediction_errors({"fitted": found}, held_out.log, horizon, timestep)
+
+        short = Predictor.leading(self.log, horizon, timestep).short_words(horizon)
+        doubts = [*self.log.notes, *filter(None, [short, slip(best, fitted, plant)])]
+        doubts += unexplained_moments([found], self.log, horizon, timestep)
+        return identification(
+            best, rows, predicted, self.log.name, horizon, self.command.hold_out, doubts
+        )
+
+    def draw(self) -> Sequence[Path]:
+        """Draw the residuals of the part that is held out."""
+        from grosmc_mj.identify.report import draw_residuals
+
+        _, held_out = self.parts
+        figure = self.path.with_suffix(".png")
+        draw_residuals(self.errors, held_out.log, self._plant.system, figure)
+        return (figure,)
+
+    def show(self, result: Result, *, full: bool, among: bool) -> None:
+        """Write and print the result, and the path of the case file."""
+        super().show(result, full=full, among=among)
+        screen.say_files(screen.console(), self.case_file)
+
+
 @command
 class CompareCommand(_OfLog):
     """Put the inputs of a log on every rung, and tell which one explains the machine.
@@ -201,31 +251,66 @@ class CompareCommand(_OfLog):
     _: KW_ONLY
     film: Annotated[Flag, Parameter(group=OUTPUT)] = False
 
-    def execute(self) -> int:
-        """Read the logs, predict them on every rung, write and print the errors."""
-        from grosmc_mj.identify.compare import comparison_result, prediction_errors
+    def questions(self) -> Sequence[Question]:
+        """Return the one question of the logs."""
         from grosmc_mj.identify.film import film_of_log
         from grosmc_mj.identify.model import models_of
+
+        experiment, log = self._read()
+        question = _CompareQuestion(
+            path=self._path("compare", experiment),
+            horizon=self.horizon,
+            experiment=experiment,
+            log=log,
+            rungs=models_of(experiment),
+        )
+        if self.film:
+            truest = question.rungs.get("loop", question.rungs[experiment.nominal.truest])
+            question.film = film_of_log(truest, log, self.horizon)
+        return [question]
+
+
+@dataclass
+class _CompareQuestion(Question):
+    """Which model explains the log?
+
+    Attributes:
+        path: JSON file of the result.
+        horizon: Length of a prediction [s].
+        experiment: The experiment of the case.
+        log: The log.
+        rungs: Models by name.
+        film: Film that is asked for.
+        answer: The result; None before it.
+    """
+
+    path: Path
+    horizon: float
+    experiment: Experiment
+    log: Log
+    rungs: Mapping[str, LogModel]
+    film: Film | None = None
+    answer: Result | None = None
+
+    def measure(self) -> None:
+        """Predict the log on every rung."""
+        from grosmc_mj.identify.compare import comparison_result, prediction_errors
         from grosmc_mj.identify.pushes import unexplained_moments
         from grosmc_mj.identify.replay import Predictor
 
-        experiment, log = self._read()
-        path = self._path("compare", experiment)
-        require_writable(path)
-        rungs = models_of(experiment)
-        film = None
-        if self.film:
-            truest = rungs.get("loop", rungs[experiment.nominal.truest])
-            film = film_of_log(truest, log, self.horizon)
+        timestep = self.experiment.settings.timestep
+        rows, notes = prediction_errors(self.rungs, self.log, self.horizon, timestep)
+        followed = [self.rungs[name] for name in dict.fromkeys(row.rung for row in rows)]
+        pushes = unexplained_moments(followed, self.log, self.horizon, timestep)
+        short = Predictor.leading(self.log, self.horizon, timestep).short_words(self.horizon)
+        notes = [*self.log.notes, *filter(None, [short]), *notes, *pushes]
+        self.answer = comparison_result(rows, notes, self.log, self.experiment, self.horizon)
 
-        timestep = experiment.settings.timestep
-        rows, notes = prediction_errors(rungs, log, self.horizon, timestep)
-        followed = [rungs[name] for name in dict.fromkeys(row.rung for row in rows)]
-        pushes = unexplained_moments(followed, log, self.horizon, timestep)
-        short = Predictor.leading(log, self.horizon, timestep).short_words(self.horizon)
-        notes = [*log.notes, *filter(None, [short]), *notes, *pushes]
-        result = comparison_result(rows, notes, log, experiment, self.horizon)
-        screen.say_result(result, path, full=self.verbose)
-        if film is not None:
-            write_film_of_log(film, path.with_suffix(".mp4"))
-        return DONE
+    def result(self, *, complete: bool) -> Result | None:
+        """Return the errors of the predictions."""
+        return self.answer
+
+    def close(self) -> None:
+        """Write the film that is asked for, if any."""
+        if self.film is not None:
+            write_film_of_log(self.film, self.path.with_suffix(".mp4"))

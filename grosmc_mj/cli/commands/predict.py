@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,23 +10,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import OUTPUT, Command, Flag, Out, WholeNumber, command
-from grosmc_mj.cli.exit_codes import DIFFERS, DONE
+from grosmc_mj.cli.answering import AnsweringCommand, Question
+from grosmc_mj.cli.command import OUTPUT, Flag, Out, WholeNumber, command
 from grosmc_mj.cli.films import FOLDER, write_film_of_log
 from grosmc_mj.cli.targets import result_name
 from grosmc_mj.ground.errors import ArgumentError
-from grosmc_mj.ground.files import require_writable
+from grosmc_mj.ground.files import name_in_files
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
-    from grosmc_mj.identify.predict import Prediction, Question
+    from grosmc_mj.identify.predict import Prediction
+    from grosmc_mj.identify.predict import Question as LogQuestion
+    from grosmc_mj.output.results.result import Result
 
 # More runs tell nothing new, and each is kept in memory.
 _MOST_SEEDS = 1000
 
 
 @command
-class PredictCommand(Command):
+class PredictCommand(AnsweringCommand):
     """Predict a closed loop on a fitted machine, and compare it with the log of the real one.
 
     The law is asked for every logged command on the logged states: is it the law of the log? Then
@@ -57,8 +59,8 @@ class PredictCommand(Command):
     film: Annotated[Flag, Parameter(group=OUTPUT)] = False
     out: Out = Path("renders")
 
-    def execute(self) -> int:
-        """Predict and judge one log after the other."""
+    def questions(self) -> Sequence[Question]:
+        """Return the question of each log; every log is checked before the first prediction."""
         from grosmc_mj.experiments.catalogue import find_experiments
 
         if not 1 <= self.seeds <= _MOST_SEEDS:
@@ -66,14 +68,11 @@ class PredictCommand(Command):
         *paths, case = self.logs_and_case
         experiment = find_experiments(case)[0].with_laws([self.law])
         logs = {Path(path): 0.0 for path in paths} or self._measured(experiment)
-        # Every log is checked before the first prediction runs.
-        questions = {path: self._question(experiment, path, logs[path]) for path in logs}
-        for path in logs:
-            answer = self._path(experiment, path)
-            require_writable(answer, answer.with_suffix(".png"))
-
-        inside = [self._judge(path, question) for path, question in questions.items()]
-        return DONE if all(inside) else DIFFERS
+        questions = []
+        for path, start in logs.items():
+            asked = self._question(experiment, path, start)
+            questions.append(_PredictQuestion(self, self._path(experiment, path), asked))
+        return questions
 
     def _measured(self, experiment: Experiment) -> Mapping[Path, float]:
         """Return the logs of the case that were made under the law, and where their runs begin [s].
@@ -92,7 +91,7 @@ class PredictCommand(Command):
             )
         return logs
 
-    def _question(self, experiment: Experiment, path: Path, start: float) -> Question:
+    def _question(self, experiment: Experiment, path: Path, start: float) -> LogQuestion:
         """Read a log, and the one of the noise.
 
         Raises:
@@ -114,59 +113,90 @@ class PredictCommand(Command):
         """Return the JSON file of the result of a log."""
         from grosmc_mj.experiments.logs.log import name_of_log
 
-        return self.out / f"predict_{result_name(experiment.path)}_{name_of_log(log)}.json"
+        names = (result_name(experiment.path), name_of_log(log), name_in_files(self.law))
+        return self.out / f"predict_{'_'.join(names)}.json"
 
-    def _judge(self, log: Path, question: Question) -> bool:
-        """Predict a log, write and print the result; return whether it lies within the spread."""
-        from grosmc_mj.identify.film import film_beside_log, filmable
-        from grosmc_mj.identify.predict_report import draw_prediction, prediction_result
-        from grosmc_mj.output.results.result import KEPT
 
-        experiment = question.experiment
-        film_of = None
-        if self.film:
-            film_of = filmable(experiment.plant(experiment.nominal.truest), question.log)
+class _PredictQuestion(Question):
+    """Does a log lie within the spread of the predicted runs?"""
 
-        path = self._path(experiment, log)
-        figure = path.with_suffix(".png")
-        complete, lesser = self._predictions(question)
-        result = prediction_result(question, complete, lesser, self._configuration(question))
-        screen.say_result(
-            result,
-            path,
-            lambda: (draw_prediction(question, complete, figure),),
-            full=self.verbose,
-        )
-        if film_of is not None:
-            run = complete.runs[complete.nearest]
-            film = film_beside_log(film_of, run, question.log, 0.0, "predicted")
-            write_film_of_log(film, self.out / FOLDER / f"{path.stem}.mp4")
-        return result.answers[-1].verdict == KEPT
+    def __init__(self, command: PredictCommand, path: Path, asked: LogQuestion) -> None:
+        self.path = path
+        self._command = command
+        self._asked = asked
+        self._complete: Prediction | None = None
+        self._lesser: dict[str, Prediction] = {}
+        self._film_of: Any = None
+        self._kept = False
 
-    def _predictions(self, question: Question) -> tuple[Prediction, Mapping[str, Prediction]]:
-        """Return the prediction of the machine, and those without each of its properties."""
+    @property
+    def files(self) -> Sequence[Path]:
+        """The figure."""
+        return (self.path.with_suffix(".png"),)
+
+    def measure(self) -> None:
+        """Predict the machine, then without each of its properties."""
+        from grosmc_mj.identify.film import filmable
         from grosmc_mj.identify.leave_out import without_each
         from grosmc_mj.identify.predict import predict
 
-        machines = without_each(question.experiment)
-        lesser = {}
-        with screen.progress(1 + len(machines), "machines") as advance:
-            complete = predict(question, self.seeds)
-            advance("the machine")
-            for name, experiment in machines.items():
-                lesser[name] = predict(question, self.seeds, experiment)
-                advance(f"without {name}")
-        return complete, lesser
+        experiment = self._asked.experiment
+        if self._command.film:
+            plant = experiment.plant(experiment.nominal.truest)
+            self._film_of = filmable(plant, self._asked.log)
 
-    def _configuration(self, question: Question) -> Mapping[str, Any]:
+        machines = without_each(experiment)
+        with screen.progress(1 + len(machines), "machines") as advance:
+            self._complete = predict(self._asked, self._command.seeds)
+            advance("the machine")
+            for name, lesser in machines.items():
+                self._lesser[name] = predict(self._asked, self._command.seeds, lesser)
+                advance(f"without {name}")
+
+    def result(self, *, complete: bool) -> Result | None:
+        """Return the measured numbers beside the predicted ones."""
+        from grosmc_mj.identify.predict_report import prediction_result
+        from grosmc_mj.output.results.result import KEPT
+
+        if self._complete is None:
+            return None
+        configuration = self._configuration()
+        result = prediction_result(self._asked, self._complete, self._lesser, configuration)
+        self._kept = result.answers[-1].verdict == KEPT
+        return result.model_copy(update={"complete": complete})
+
+    def draw(self) -> Sequence[Path]:
+        """Draw the log beside the predicted runs."""
+        from grosmc_mj.identify.predict_report import draw_prediction
+
+        if self._complete is None:
+            return ()
+        (figure,) = self.files
+        return (draw_prediction(self._asked, self._complete, figure),)
+
+    def close(self) -> None:
+        """Film the nearest run, if that is asked for."""
+        from grosmc_mj.identify.film import film_beside_log
+
+        if self._film_of is not None and self._complete is not None:
+            run = self._complete.runs[self._complete.nearest]
+            film = film_beside_log(self._film_of, run, self._asked.log, 0.0, "predicted")
+            write_film_of_log(film, self._command.out / FOLDER / f"{self.path.stem}.mp4")
+
+    @property
+    def kept(self) -> bool:
+        """Whether the measured numbers lie within the spread."""
+        return self._kept
+
+    def _configuration(self) -> Mapping[str, Any]:
         """Return the arguments, for the result."""
-        noise_log = question.log.name
-        if self.noise_from is not None:
-            noise_log = self.noise_from.name
+        noise_log = self._asked.log.name
+        if self._command.noise_from is not None:
+            noise_log = self._command.noise_from.name
         return {
-            "case": str(question.experiment.path),
-            "log": question.log.name,
+            "case": str(self._asked.experiment.path),
+            "log": self._asked.log.name,
             "noise_from": noise_log,
-            "law": self.law,
-            "seeds": self.seeds,
+            "law": self._command.law,
+            "seeds": self._command.seeds,
         }

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
+from grosmc_mj.cli.answering import AnsweringCommand, Question
 from grosmc_mj.cli.command import (
     OUTPUT,
-    Command,
     Figures,
     Flag,
     Laws,
@@ -21,11 +21,10 @@ from grosmc_mj.cli.command import (
     WholeNumber,
     command,
 )
-from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.films import FOLDER, film_runs
 from grosmc_mj.cli.targets import result_name
 from grosmc_mj.ground.errors import ArgumentError, GrosmcError
-from grosmc_mj.ground.files import name_in_files, require_writable
+from grosmc_mj.ground.files import name_in_files
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.assumptions.audit import Audit
@@ -37,7 +36,7 @@ _LONG = 1_000_000
 
 
 @command
-class RunCommand(Command):
+class RunCommand(AnsweringCommand):
     """Run an experiment, and say whether it keeps what it requires.
 
     A case file names a plant (a system of the package, an MJCF robot, or Python of your own),
@@ -79,8 +78,10 @@ class RunCommand(Command):
     ] = None
     film: Annotated[Flag, Parameter(group=OUTPUT)] = False
 
-    def execute(self) -> int:
-        """Run, judge, write, print and draw one experiment after the other."""
+    in_brief = True
+
+    def questions(self) -> Sequence[Question]:
+        """Return the question of each experiment."""
         from grosmc_mj.experiments.catalogue import find_experiments
         from grosmc_mj.studies.sweep.draws import require_draws
 
@@ -94,63 +95,9 @@ class RunCommand(Command):
             _check(experiment)
             if not self.log:
                 _require_memory(experiment)
+        return [_RunQuestion(self, experiment) for experiment in experiments]
 
-        self.out.mkdir(parents=True, exist_ok=True)
-        alone = len(experiments) == 1
-        kept = [self._run(experiment, alone=alone) for experiment in experiments]
-        return DONE if all(kept) else DIFFERS
-
-    def _run(self, experiment: Experiment, *, alone: bool) -> bool:
-        """Run one experiment; returns True if it keeps what it requires.
-
-        Args:
-            experiment: The experiment.
-            alone: True if it is the only one of the command: its answer is longer.
-        """
-        from grosmc_mj.cli.commands.run_answer import answer_of_run
-        from grosmc_mj.experiments.assumptions.robot import audits
-        from grosmc_mj.experiments.logs.log import name_of_log
-        from grosmc_mj.studies.sweep.draws import judged_over_draws
-
-        name = "_".join([result_name(experiment.path), *map(name_of_log, self.log)])
-        measured = self._measured(experiment)
-        path = self.out / f"{name}.json"
-        require_writable(path)
-        results: list[RunResult] = []
-        premises: Sequence[Audit] = ()
-        try:
-            if not self.log:
-                steps = len(experiment.plant_names) * len(experiment.controllers)
-                with screen.progress(steps) as advance:
-                    for result in experiment.runs():
-                        results.append(judged_over_draws(result, self.draws))
-                        advance(result.key)
-                premises = audits(results)
-        except (Exception, KeyboardInterrupt):
-            # Finished runs are kept and shown, whatever happened since.
-            if results:
-                part = answer_of_run(
-                    experiment, results, premises, draws=self.draws, complete=False
-                )
-                self._say(part, results, path, alone=alone)
-            raise
-        results += measured
-        answer = answer_of_run(experiment, results, premises, draws=self.draws, complete=True)
-        self._say(answer, results, path, alone=alone)
-
-        console = screen.console()
-        if self.save:
-            folder = self.out / "trajectories"
-            for result in results:
-                law = name_in_files(result.controller.name)
-                plant = name_in_files(result.plant)
-                result.save(folder / f"{name}.{plant}.{law}.{self.save}")
-            console.print(f"{len(results)} trajectories in {folder}", soft_wrap=True)
-        if self.film:
-            film_runs(console, results, self.out / FOLDER / f"{name}.mp4")
-        return answer.kept
-
-    def _measured(self, experiment: Experiment) -> Sequence[RunResult]:
+    def measured(self, experiment: Experiment) -> Sequence[RunResult]:
         """Return the logs of the command, or else those of the file, as runs.
 
         Raises:
@@ -170,49 +117,104 @@ class RunCommand(Command):
                 raise ArgumentError(f"{result.log}: no requirement can be judged: {reasons}")
         return measured
 
-    def _say(
-        self,
-        answer: Result,
-        results: Sequence[RunResult],
-        path: Path,
-        *,
-        alone: bool,
-    ) -> None:
-        """Write and print the results of an experiment, also if they cannot be written."""
+
+class _RunQuestion(Question):
+    """Does an experiment keep what it requires?"""
+
+    def __init__(self, command: RunCommand, experiment: Experiment) -> None:
+        from grosmc_mj.experiments.logs.log import name_of_log
+
+        logs = [name_of_log(path) for path in command.log]
+        self._name = "_".join([result_name(experiment.path), *logs])
+        self.path = command.out / f"{self._name}.json"
+        self._command = command
+        self._experiment = experiment
+        self._measured = command.measured(experiment)
+        self._results: list[RunResult] = []
+        self._premises: Sequence[Audit] = ()
+        self._complete = False
+        self._kept = False
+
+    def measure(self) -> None:
+        """Run the experiment, and audit its laws; of --log nothing runs."""
+        from grosmc_mj.experiments.assumptions.robot import audits
+        from grosmc_mj.studies.sweep.draws import judged_over_draws
+
+        experiment = self._experiment
+        if not self._command.log:
+            steps = len(experiment.plant_names) * len(experiment.controllers)
+            with screen.progress(steps) as advance:
+                for result in experiment.runs():
+                    self._results.append(judged_over_draws(result, self._command.draws))
+                    advance(result.key)
+            self._premises = audits(self._results)
+        self._results += self._measured
+
+    def result(self, *, complete: bool) -> Result | None:
+        """Return the judged runs."""
+        from grosmc_mj.cli.commands.run_answer import answer_of_run
+
+        if not self._results:
+            return None
+        result = answer_of_run(
+            self._experiment,
+            self._results,
+            self._premises,
+            draws=self._command.draws,
+            complete=complete,
+        )
+        self._complete = complete
+        self._kept = result.kept
+        return result
+
+    def show(self, result: Result, *, full: bool, among: bool) -> None:
+        """Write and print the result; that of another file of this name is renamed before."""
         from grosmc_mj.output.results.document import set_aside_other
 
         aside = None
         try:
-            aside = set_aside_other(path, "configuration", answer.configuration)
+            aside = set_aside_other(self.path, "configuration", result.configuration)
         finally:
-            screen.say_result(
-                answer,
-                path,
-                lambda: self._draw(answer, results, path),
-                full=self.verbose,
-                among=not alone,
-            )
+            # It is printed also if it cannot be written.
+            super().show(result, full=full, among=among)
         if aside is not None:
             screen.console().print(
-                f"{path.name} had results of another file or other settings: now in {aside.name}; "
-                "figures and trajectories of that name are replaced",
+                f"{self.path.name} had results of another file or other settings: now in "
+                f"{aside.name}; figures and trajectories of that name are replaced",
                 style="dim",
             )
 
-    def _draw(self, answer: Result, results: Sequence[RunResult], path: Path) -> tuple[Path, ...]:
-        """Write the curves and, of a complete answer, draw the figure; returns its path."""
+    def draw(self) -> Sequence[Path]:
+        """Write the curves and, of a complete answer, draw the figure."""
         from grosmc_mj.experiments.answer.curves import draw_experiment, figure_size, write_curves
-
-        write_curves(results, path.stem, path.parent)
-        if not self.figures or not answer.complete:
-            return ()
-
         from grosmc_mj.output.charts.figure import figure_written
 
-        figure_path = path.with_suffix(".png")
-        with figure_written(figure_path, figure_size(results)) as figure:
-            draw_experiment(figure, results)
+        write_curves(self._results, self.path.stem, self.path.parent)
+        if not (self._command.figures and self._complete):
+            return ()
+
+        figure_path = self.path.with_suffix(".png")
+        with figure_written(figure_path, figure_size(self._results)) as figure:
+            draw_experiment(figure, self._results)
         return (figure_path,)
+
+    def close(self) -> None:
+        """Save the trajectories and film them, if that is asked for."""
+        console = screen.console()
+        if self._command.save:
+            folder = self._command.out / "trajectories"
+            for result in self._results:
+                law = name_in_files(result.controller.name)
+                plant = name_in_files(result.plant)
+                result.save(folder / f"{self._name}.{plant}.{law}.{self._command.save}")
+            console.print(f"{len(self._results)} trajectories in {folder}", soft_wrap=True)
+        if self._command.film:
+            film_runs(console, self._results, self._command.out / FOLDER / f"{self._name}.mp4")
+
+    @property
+    def kept(self) -> bool:
+        """Whether everything that is required is kept."""
+        return self._kept
 
 
 def _require_memory(experiment: Experiment) -> None:

@@ -11,22 +11,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import OUTPUT, Command, Figures, Flag, Out, command
+from grosmc_mj.cli.answering import AnsweringCommand, Question
+from grosmc_mj.cli.command import OUTPUT, Figures, Flag, Out, command
 from grosmc_mj.cli.commands.claims import judge_in_processes
 from grosmc_mj.cli.commands.report import REPORT, report_on
-from grosmc_mj.cli.exit_codes import DIFFERS, DONE
 from grosmc_mj.cli.films import film_results
 from grosmc_mj.cli.targets import recorded_experiments
-from grosmc_mj.ground.files import require_writable
 
 if TYPE_CHECKING:
     from grosmc_mj.chapter.claims.claim import Claim
-    from grosmc_mj.chapter.validation import Validation
     from grosmc_mj.experiments.experiment import Experiment
+    from grosmc_mj.output.results.result import Result
 
 
 @command
-class ValidateCommand(Command):
+class ValidateCommand(AnsweringCommand):
     """Run the chapter's cases and say whether they come out as recorded.
 
     Every case of each SYSTEM (servo, cart_pendulum, arm, two_link_arm; all of them, if none is
@@ -58,38 +57,9 @@ class ValidateCommand(Command):
     report: Annotated[Flag, Parameter(group=OUTPUT)] = False
     record: Flag = False
 
-    def execute(self) -> int:
-        """Run the cases, compare them with the record, write and print the result."""
-        from grosmc_mj.chapter.expected_results import record_expected
-        from grosmc_mj.chapter.validation import Validation
-
-        start = time.perf_counter()
-        require_writable(self._path)
-        experiments = self._selected()
-        done = Validation(experiments)
-        claims = self._claims(done)
-        runs = sum(len(experiment.laws) for experiment in experiments)
-        steps = runs + len(_systems(done)) + len(claims)
-        try:
-            with screen.progress(steps) as advance:
-                _compute(done, experiments, claims, advance)
-                if self.record:
-                    record_expected(done.results)
-                done.compare()
-        finally:
-            # Results are kept and shown, whatever happened since.
-            if done.results:
-                self._write(done)
-
-        figures = self._draw(done) if self.figures else 0
-        seconds = time.perf_counter() - start
-        console = screen.console()
-        console.print(f"{figures} figures; {seconds:.1f} s", style="dim")
-        if self.films:
-            film_results(console, done.results, self.out)
-        if self.report:
-            report_on(console, [self.out], self.out / REPORT)
-        return DIFFERS if done.differences else DONE
+    def questions(self) -> Sequence[Question]:
+        """Return the one question of the cases."""
+        return [_ValidateQuestion(self, self._selected())]
 
     def _selected(self) -> list[Experiment]:
         """Return the experiments of the targets, each once."""
@@ -102,73 +72,111 @@ class ValidateCommand(Command):
                 experiments[experiment.key] = experiment
         return list(experiments.values())
 
-    def _claims(self, done: Validation) -> list[Claim]:
+
+class _ValidateQuestion(Question):
+    """Do the chapter's cases come out as recorded?"""
+
+    def __init__(self, command: ValidateCommand, experiments: Sequence[Experiment]) -> None:
+        from grosmc_mj.chapter.validation import Validation
+
+        self.path = command.out / "validation.json"
+        self._command = command
+        self._experiments = experiments
+        self._done = Validation(experiments)
+        self._start = time.perf_counter()
+
+    def measure(self) -> None:
+        """Run the cases and judge the claims; compare with MuJoCo and with the record."""
+        from grosmc_mj.chapter.expected_results import record_expected
+
+        claims = self._claims()
+        runs = sum(len(experiment.laws) for experiment in self._experiments)
+        with screen.progress(runs + len(self._systems) + len(claims)) as advance:
+            self._compute(claims, advance)
+            if self._command.record:
+                record_expected(self._done.results)
+            self._done.compare()
+
+    def _compute(self, claims: Sequence[Claim], advance: Callable[[str], object]) -> None:
+        """Run the cases, compare equations with MuJoCo, judge the claims."""
+        from grosmc_mj.chapter.agreement import agreements
+        from grosmc_mj.experiments.run_cache import RunCache
+        from grosmc_mj.experiments.settings import Settings
+        from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
+
+        done = self._done
+        for experiment in self._experiments:
+            for result in experiment.runs():
+                done.results.append(result)
+                advance(result.key)
+
+        for system in self._systems:
+            done.agreements.extend(agreements(MujocoPlant.load(system), seed=done.seed))
+            advance(f"{system}: analytic against physics")
+
+        lab = RunCache(Settings(), known=done.results)
+        done.findings = judge_in_processes(lab, claims, advance)
+
+    def _claims(self) -> list[Claim]:
         """Return the claims about the systems all of whose cases are selected."""
         from grosmc_mj.chapter.claims.ledger import CLAIMS
 
-        if not self.claims or self.record:
+        if not self._command.claims or self._command.record:
             return []
-        complete = [system for system in _systems(done) if _has_all_cases(done, system)]
+        complete = [system for system in self._systems if self._has_all_cases(system)]
         return [claim for claim in CLAIMS if claim.system in complete]
 
     @property
-    def _path(self) -> Path:
-        """Path of the result."""
-        return self.out / "validation.json"
+    def _systems(self) -> list[str]:
+        """The systems of the selected cases, each once."""
+        return list(dict.fromkeys(case.system for case in self._experiments))
 
-    def _write(self, done: Validation) -> None:
-        """Write the results and the curves of each case, and print the answer."""
+    def _has_all_cases(self, system: str) -> bool:
+        """Return True if every recorded case of a system is selected."""
+        selected = {case.key for case in self._experiments}
+        return all(experiment.key in selected for experiment in recorded_experiments(system))
+
+    def result(self, *, complete: bool) -> Result | None:
+        """Return the result of the runs that are done."""
+        if not self._done.results:
+            return None
+        return self._done.result()
+
+    def show(self, result: Result, *, full: bool, among: bool) -> None:
+        """Write and print the result, and write the curves of each case."""
         from grosmc_mj.experiments.answer.curves import write_curves
 
-        screen.say_result(done.result(), self._path, full=self.verbose)
-        for key in dict.fromkeys(result.case.key for result in done.results):
-            results = [result for result in done.results if result.case.key == key]
-            case = results[0].case
-            write_curves(results, f"{case.system}_{case.name}", self.out)
+        super().show(result, full=full, among=among)
+        results = self._done.results
+        for key in dict.fromkeys(run.case.key for run in results):
+            runs = [run for run in results if run.case.key == key]
+            case = runs[0].case
+            write_curves(runs, f"{case.system}_{case.name}", self._command.out)
 
-    def _draw(self, done: Validation) -> int:
+    def close(self) -> None:
+        """Draw the figures, and write the films and the page that are asked for."""
+        figures = self._write_figures() if self._command.figures else 0
+        seconds = time.perf_counter() - self._start
+        console = screen.console()
+        console.print(f"{figures} figures; {seconds:.1f} s", style="dim")
+
+        out = self._command.out
+        if self._command.films:
+            film_results(console, self._done.results, out)
+        if self._command.report:
+            report_on(console, [out], out / REPORT)
+
+    def _write_figures(self) -> int:
         """Draw the figures; returns how many."""
         from grosmc_mj.chapter.figures import drawable, write_figures
 
-        count = len(drawable(done.selected))
+        count = len(drawable(self._done.selected))
         with screen.progress(count, "figures") as advance:
-            for path in write_figures(done.results, self.out):
+            for path in write_figures(self._done.results, self._command.out):
                 advance(path.name)
         return count
 
-
-def _systems(done: Validation) -> list[str]:
-    """Return the systems of the selected cases, each once."""
-    return list(dict.fromkeys(case.system for case in done.selected))
-
-
-def _has_all_cases(done: Validation, system: str) -> bool:
-    """Return True if every recorded case of a system is selected."""
-    experiments = recorded_experiments(system)
-    selected = {case.key for case in done.selected}
-    return all(experiment.key in selected for experiment in experiments)
-
-
-def _compute(
-    done: Validation,
-    experiments: Sequence[Experiment],
-    claims: Sequence[Claim],
-    advance: Callable[[str], object],
-) -> None:
-    """Run the cases, compare equations with MuJoCo, judge the claims."""
-    from grosmc_mj.chapter.agreement import agreements
-    from grosmc_mj.experiments.run_cache import RunCache
-    from grosmc_mj.experiments.settings import Settings
-    from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
-
-    for experiment in experiments:
-        for result in experiment.runs():
-            done.results.append(result)
-            advance(result.key)
-
-    for system in _systems(done):
-        done.agreements.extend(agreements(MujocoPlant.load(system), seed=done.seed))
-        advance(f"{system}: analytic against physics")
-
-    lab = RunCache(Settings(), known=done.results)
-    done.findings = judge_in_processes(lab, claims, advance)
+    @property
+    def kept(self) -> bool:
+        """Whether everything is as recorded."""
+        return not self._done.differences

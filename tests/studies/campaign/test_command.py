@@ -14,9 +14,9 @@ from rich.console import Console
 
 from grosmc_mj import cli
 from grosmc_mj.cli import screen
+from grosmc_mj.cli.commands.campaign import running
 from grosmc_mj.cli.commands.campaign.command import CampaignCommand
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.studies.campaign import map as maps
 from grosmc_mj.studies.pieces import held
 from grosmc_mj.studies.sweep.runs import Row, run_rows
 
@@ -263,7 +263,7 @@ def test_results_are_written_before_shown(file: Path, tmp_path: Path, monkeypatc
         written.setdefault(kind, documents())
 
     monkeypatch.setattr(screen, "say_verdict", note_verdict)
-    monkeypatch.setattr(maps, "write_figures", note_figures)
+    monkeypatch.setattr(running, "write_figures", note_figures)
     assert run("campaign", file, "--runs", "8", "--out", tmp_path, *SEARCHES) == cli.DONE
     # The verdict comes before searches and figures.
     assert [*written] == ["keeps everything", "worst plant", "no failure", "figures"]

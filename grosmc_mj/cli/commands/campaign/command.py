@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import KW_ONLY, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,13 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Group, Parameter
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import OUTPUT, Command, Figures, Flag, Laws, WholeNumber, command
-from grosmc_mj.cli.exit_codes import DIFFERS, DONE
+from grosmc_mj.cli.answering import AnsweringCommand, Question
+from grosmc_mj.cli.command import OUTPUT, Figures, Flag, Laws, WholeNumber, command
 from grosmc_mj.cli.targets import TARGET
 from grosmc_mj.ground.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from grosmc_mj.studies.campaign.radius import Radius
     from grosmc_mj.studies.campaign.specification import Specification
 
 # Options of --plant alone, and those that a campaign has, too.
@@ -49,7 +49,7 @@ _Seconds = Annotated[
 
 
 @command
-class CampaignCommand(Command):
+class CampaignCommand(AnsweringCommand):
     """Run thousands of uncertain plants and say what share of them keeps what is required.
 
     The uncertainty is a case file's [[uncertain]] tables; servo, cart_pendulum, arm and
@@ -147,7 +147,7 @@ class CampaignCommand(Command):
         self._refuse_idle()
         if self.plant is not None:
             return self._write_plant(self.plant)
-        return self._run()
+        return super().execute()
 
     def _write_plant(self, which: str) -> int:
         """Write the case file of one plant of the folder; returns the exit code."""
@@ -158,29 +158,17 @@ class CampaignCommand(Command):
         law = self.controllers[0] if self.controllers else None
         return write_plant(Path(self.target), which, law, self.case_file, self.out)
 
-    def _run(self) -> int:
-        """Carry out a campaign; returns the exit code."""
+    def questions(self) -> Sequence[Question]:
+        """Return the question of the runs, and those of the searches that are asked for."""
         from grosmc_mj.cli.commands.campaign.running import (
-            notices,
-            run_parts,
-            search_radii,
-            search_worst,
+            RadiusQuestion,
+            RunsQuestion,
+            WorstQuestion,
         )
         from grosmc_mj.ground.executors import make_executor
         from grosmc_mj.studies.campaign.campaign import Campaign
-        from grosmc_mj.studies.campaign.findings import (
-            RESULTS,
-            campaign_result,
-            findings,
-            keeps_enough,
-        )
         from grosmc_mj.studies.campaign.folder import Folder
         from grosmc_mj.studies.campaign.manifest import read_manifest, refuse_other_code
-        from grosmc_mj.studies.campaign.map import write_figures
-        from grosmc_mj.studies.campaign.radius import RADIUS, radius_result
-        from grosmc_mj.studies.campaign.worst import WORST, worst_result
-        from grosmc_mj.studies.pieces import held
-        from grosmc_mj.studies.sweep.sampled import ALL
 
         specification = self._specification()
         folder = Folder(self.out or _FOLDER / specification.name)
@@ -190,31 +178,27 @@ class CampaignCommand(Command):
         self._refuse_axes(campaign.family.names)
         executor = make_executor(self.executor, workers=self.workers, scheduler=self.scheduler)
 
-        with held(folder.path):
-            lines = folder.begin(campaign, resume=self.resume)
-            for line in (*lines, *notices(campaign)):
-                screen.notice(line)
-            progress = run_parts(campaign, folder, executor)
-
-        found = findings(campaign, folder, self.confidence)
-        result = campaign_result(campaign, found, self.at_least, progress)
-        screen.say_result(result, folder.path / RESULTS, full=self.verbose)
+        runs = RunsQuestion(
+            campaign=campaign,
+            folder=folder,
+            executor=executor,
+            resume=self.resume,
+            confidence=self.confidence,
+            at_least=self.at_least,
+        )
+        questions: list[Question] = [runs]
         if self.worst:
-            plants = search_worst(campaign, found, self.evaluations)
-            result_of_worst = worst_result(campaign, plants)
-            screen.say_result(result_of_worst, folder.path / WORST, full=self.verbose)
-        radii: list[Radius] = []
+            questions.append(WorstQuestion(runs, self.evaluations))
         if self.radius:
-            radii = search_radii(campaign)
-            result_of_radii = radius_result(campaign, radii)
-            screen.say_result(result_of_radii, folder.path / RADIUS, full=self.verbose)
-        if self.figures:
-            figures = write_figures(campaign, folder, found, radii, self.axes)
-            screen.say_files(screen.console(), *figures)
+            questions.append(RadiusQuestion(runs))
+        return questions
 
-        rates = [found.rates[ALL, law] for law in campaign.judged]
-        kept = all(keeps_enough(rate, self.at_least) for rate in rates)
-        return DONE if kept else DIFFERS
+    def finish(self, questions: Sequence[Question]) -> None:
+        """Draw the figures of all answers."""
+        from grosmc_mj.cli.commands.campaign.running import draw_figures
+
+        if self.figures:
+            screen.say_files(screen.console(), *draw_figures(questions, self.axes))
 
     def _specification(self) -> Specification:
         """Return the family of plants and how much of it is run.

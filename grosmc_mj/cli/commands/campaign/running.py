@@ -1,19 +1,217 @@
-"""Missing runs of a campaign and its searches, with progress bars."""
+"""Questions of a campaign: its runs, its worst plants, how far its uncertainty may grow."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 
 from grosmc_mj.cli import screen
+from grosmc_mj.cli.answering import Question
 from grosmc_mj.ground.executors import Executor
+from grosmc_mj.output.results.result import Result
 from grosmc_mj.studies.campaign import work
 from grosmc_mj.studies.campaign.campaign import Campaign
-from grosmc_mj.studies.campaign.findings import Findings
+from grosmc_mj.studies.campaign.findings import (
+    RESULTS,
+    Findings,
+    campaign_result,
+    findings,
+    keeps_enough,
+)
 from grosmc_mj.studies.campaign.folder import Folder
-from grosmc_mj.studies.campaign.radius import Radius, radius
-from grosmc_mj.studies.campaign.worst import WorstPlant, worst
+from grosmc_mj.studies.campaign.map import write_figures
+from grosmc_mj.studies.campaign.radius import RADIUS, Radius, radius, radius_result
+from grosmc_mj.studies.campaign.worst import WORST, WorstPlant, worst, worst_result
+from grosmc_mj.studies.pieces import held
+from grosmc_mj.studies.sweep.sampled import ALL
+
+
+@dataclass
+class RunsQuestion(Question):
+    """On what share of the plants do the laws hold?
+
+    Attributes:
+        campaign: The campaign.
+        folder: Its folder.
+        executor: Executor of the parts.
+        resume: Whether to go on with what is in the folder.
+        confidence: Confidence of the intervals.
+        at_least: Share of the plants that each law must be shown to keep; None without.
+        progress: Lines on the parts that were there already and on the speed of the others.
+        begun: Whether the folder is this campaign's.
+        found: Statements of its runs, once there is a result.
+    """
+
+    campaign: Campaign
+    folder: Folder
+    executor: Executor
+    resume: bool
+    confidence: float
+    at_least: float | None
+    progress: list[str] = field(default_factory=list)
+    begun: bool = False
+    found: Findings = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.path = self.folder.path / RESULTS
+
+    def measure(self) -> None:
+        """Run the missing parts."""
+        with held(self.folder.path):
+            lines = self.folder.begin(self.campaign, resume=self.resume)
+            self.begun = True
+            for line in (*lines, *notices(self.campaign)):
+                screen.notice(line)
+            self._run_missing()
+
+    def _run_missing(self) -> None:
+        """Run the missing parts with a progress bar."""
+        specification = self.campaign.specification
+        parts = self.folder.missing(self.campaign)
+        present = specification.shards - len(parts)
+        if present > 0:
+            self.progress.append(f"{present} of {specification.shards} parts are there already.")
+        if not parts:
+            return
+
+        plants = sum(len(specification.ids(index)) for index in parts)
+        runs = plants * len(self.campaign.laws)
+        start = time.perf_counter()
+        with screen.progress(runs, "runs") as advance:
+            advance("designed; the first part takes a while", 0)
+            finished = _FinishedRuns(advance, start)
+            repeated = work.run_missing(
+                self.campaign, self.folder, self.executor, screen.notice, finished
+            )
+        seconds = time.perf_counter() - start
+        self.progress.append(_speed_line(self.campaign, runs, seconds, repeated))
+
+    def result(self, *, complete: bool) -> Result | None:
+        """Return the statements of the runs that are there."""
+        if not self.begun or not self._done:
+            return None
+        self.found = findings(self.campaign, self.folder, self.confidence)
+        return campaign_result(self.campaign, self.found, self.at_least, self.progress)
+
+    @property
+    def _done(self) -> int:
+        """Number of parts that are there."""
+        return self.campaign.specification.shards - len(self.folder.missing(self.campaign))
+
+    @property
+    def kept(self) -> bool:
+        """Whether each law keeps everything on some plant, or on the share that is asked for."""
+        rates = [self.found.rates[ALL, law] for law in self.campaign.judged]
+        return all(keeps_enough(rate, self.at_least) for rate in rates)
+
+    @property
+    def advice(self) -> str:
+        """How to go on after an interrupt."""
+        return (
+            f"interrupted: {self._done} of {self.campaign.specification.shards} parts are done; "
+            "the same command with --resume runs the others"
+        )
+
+
+@dataclass
+class WorstQuestion(Question):
+    """Which plant is the worst under each law?
+
+    Attributes:
+        runs: Question of the campaign's runs, of which the worst ones begin the search.
+        evaluations: Runs that the search may take for a law; as many random plants are tried.
+        plants: The worst plant under each law.
+    """
+
+    runs: RunsQuestion
+    evaluations: int
+    plants: list[WorstPlant] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.path = self.runs.folder.path / WORST
+
+    def measure(self) -> None:
+        """Search for the worst plant under each law."""
+        campaign = self.runs.campaign
+        worst_runs = self.runs.found.worst
+        with screen.progress(2 * self.evaluations * len(campaign.judged), "runs") as advance:
+            for law in campaign.judged:
+                advance_law = partial(advance, f"worst under {law}")
+                found = worst(campaign, law, worst_runs[law], self.evaluations, advance_law)
+                self.plants.append(found)
+
+    def result(self, *, complete: bool) -> Result | None:
+        """Return the worst plants that are found."""
+        if not self.plants:
+            return None
+        result = worst_result(self.runs.campaign, self.plants)
+        return result.model_copy(update={"complete": complete})
+
+    @property
+    def advice(self) -> str:
+        """How to go on after an interrupt."""
+        return screen.RESUME
+
+
+@dataclass
+class RadiusQuestion(Question):
+    """How far may the uncertainty grow under each law?
+
+    Attributes:
+        runs: Question of the campaign's runs.
+        radii: Radius of each law.
+    """
+
+    runs: RunsQuestion
+    radii: list[Radius] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.path = self.runs.folder.path / RADIUS
+
+    def measure(self) -> None:
+        """Search how far the uncertainty may grow under each law."""
+        campaign = self.runs.campaign
+        with screen.progress(len(campaign.judged), "controllers") as advance:
+            for law in campaign.judged:
+                words = f"radius under {law}"
+                advance(words, 0)
+                # The search says how many plants it has tried; the bar counts laws.
+                found = radius(campaign, law, lambda _, words=words: advance(words, 0))
+                self.radii.append(found)
+                advance(words)
+
+    def result(self, *, complete: bool) -> Result | None:
+        """Return the radii that are found."""
+        if not self.radii:
+            return None
+        result = radius_result(self.runs.campaign, self.radii)
+        return result.model_copy(update={"complete": complete})
+
+    @property
+    def advice(self) -> str:
+        """How to go on after an interrupt."""
+        return screen.RESUME
+
+
+def draw_figures(questions: Sequence[Question], axes: tuple[str, ...]) -> list[Path]:
+    """Draw the figures of answered questions of a campaign; returns their paths.
+
+    Args:
+        questions: The questions.
+        axes: Two uncertain numbers of the map; empty for those that drive margins most.
+    """
+    radii: list[Radius] = []
+    for question in questions:
+        if isinstance(question, RadiusQuestion):
+            radii = question.radii
+    files: list[Path] = []
+    for question in questions:
+        if isinstance(question, RunsQuestion):
+            files += write_figures(question.campaign, question.folder, question.found, radii, axes)
+    return files
 
 
 def notices(campaign: Campaign) -> list[str]:
@@ -25,49 +223,6 @@ def notices(campaign: Campaign) -> list[str]:
             "integrator, which may judge some plants otherwise."
         )
     lines.extend(campaign.notes)
-    return lines
-
-
-def run_parts(campaign: Campaign, folder: Folder, executor: Executor) -> list[str]:
-    """Run the missing parts with a progress bar.
-
-    Args:
-        campaign: The campaign.
-        folder: Its folder, held.
-        executor: Executor of the parts.
-
-    Returns:
-        Lines on the parts that were there already and on the speed of the others.
-
-    Raises:
-        KeyboardInterrupt: If it is interrupted, with the number of parts that are done.
-    """
-    specification = campaign.specification
-    parts = folder.missing(campaign)
-    lines: list[str] = []
-    present = specification.shards - len(parts)
-    if present > 0:
-        lines.append(f"{present} of {specification.shards} parts are there already.")
-    if not parts:
-        return lines
-
-    plants = sum(len(specification.ids(index)) for index in parts)
-    runs = plants * len(campaign.laws)
-    start = time.perf_counter()
-    try:
-        with screen.progress(runs, "runs") as advance:
-            advance("designed; the first part takes a while", 0)
-            finished = _FinishedRuns(advance, start)
-            repeated = work.run_missing(campaign, folder, executor, screen.notice, finished)
-    except KeyboardInterrupt:
-        done = specification.shards - len(folder.missing(campaign))
-        raise KeyboardInterrupt(
-            f"interrupted: {done} of {specification.shards} parts are done; the same command with "
-            "--resume runs the others"
-        ) from None
-
-    seconds = time.perf_counter() - start
-    lines.append(_speed_line(campaign, runs, seconds, repeated))
     return lines
 
 
@@ -107,32 +262,3 @@ def _speed_line(
     if repeated:
         line += f"; {repeated} parts were run again"
     return f"{line}."
-
-
-def search_worst(campaign: Campaign, result: Findings, evaluations: int) -> list[WorstPlant]:
-    """Search for the worst plant under each law.
-
-    Args:
-        campaign: The campaign.
-        result: Findings of its runs, of which the worst ones begin the search.
-        evaluations: Runs that the search may take for a law; as many random plants are tried.
-    """
-    plants = []
-    with screen.progress(2 * evaluations * len(campaign.judged), "runs") as advance:
-        for law in campaign.judged:
-            advance_law = partial(advance, f"worst under {law}")
-            plants.append(worst(campaign, law, result.worst[law], evaluations, advance_law))
-    return plants
-
-
-def search_radii(campaign: Campaign) -> list[Radius]:
-    """Search how far the uncertainty may grow under each law."""
-    radii = []
-    with screen.progress(len(campaign.judged), "controllers") as advance:
-        for law in campaign.judged:
-            words = f"radius under {law}"
-            advance(words, 0)
-            # The search says how many plants it has tried; the bar counts laws.
-            radii.append(radius(campaign, law, lambda _, words=words: advance(words, 0)))
-            advance(words)
-    return radii

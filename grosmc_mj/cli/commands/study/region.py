@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import KW_ONLY
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,16 +10,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import Command, Out, Target, WholeNumber, command
-from grosmc_mj.cli.exit_codes import DIFFERS, DONE
+from grosmc_mj.cli.answering import AnsweringCommand, Question
+from grosmc_mj.cli.command import Out, Target, WholeNumber, command
 from grosmc_mj.ground.errors import ArgumentError
 
 if TYPE_CHECKING:
+    from grosmc_mj.output.results.result import Result
     from grosmc_mj.studies.region.region import RegionMap, RegionStudy
 
 
 @command
-class RegionCommand(Command):
+class RegionCommand(AnsweringCommand):
     """Map from which starts each law of a SYSTEM converges, in MuJoCo.
 
     Each map has N x N starts of two states, by default the error of the controlled position and
@@ -73,31 +75,9 @@ class RegionCommand(Command):
     draws: WholeNumber = 10
     out: Out = Path("renders")
 
-    def execute(self) -> int:
-        """Compute the maps, write, draw and print them."""
-        from grosmc_mj.studies.region.answer import region_result, write_region_figure
-
-        region = self._region()
-        path = self.out / f"region_{region.system.name}.json"
-        for case, reason in region.why_not.items():
-            if reason:
-                screen.notice(f"{case}: not screened by equations: {reason}.")
-
-        maps: list[RegionMap] = []
-        with (
-            screen.answered(
-                path,
-                lambda complete: region_result(region, maps, complete=complete),
-                maps,
-                lambda: (write_region_figure(region, maps, path.with_suffix(".png")),),
-                full=self.verbose,
-            ),
-            screen.progress(region.batches, "batches") as advance,
-        ):
-            maps.extend(region.maps(advance))  # one by one: an interrupt leaves the first ones
-        converging = {law_map.controller for law_map in maps if law_map.converged > 0}
-        all_converge = all(law_map.controller in converging for law_map in maps)
-        return DONE if all_converge else DIFFERS
+    def questions(self) -> Sequence[Question]:
+        """Return the one question of the maps."""
+        return [_RegionQuestion(self._region(), self.out)]
 
     def _region(self) -> RegionStudy:
         """Return the study that the options describe.
@@ -119,3 +99,41 @@ class RegionCommand(Command):
             draws=self.draws,
             **pairs,
         )
+
+
+class _RegionQuestion(Question):
+    """From which starts each law converges."""
+
+    def __init__(self, region: RegionStudy, out: Path) -> None:
+        self.path = out / f"region_{region.system.name}.json"
+        self._region = region
+        self._maps: list[RegionMap] = []
+
+    def measure(self) -> None:
+        """Compute the maps."""
+        for case, reason in self._region.why_not.items():
+            if reason:
+                screen.notice(f"{case}: not screened by equations: {reason}.")
+        with screen.progress(self._region.batches, "batches") as advance:
+            # One by one: an interrupt leaves the first ones.
+            self._maps.extend(self._region.maps(advance))
+
+    def result(self, *, complete: bool) -> Result | None:
+        """Return the result of the finished maps."""
+        from grosmc_mj.studies.region.answer import region_result
+
+        if not self._maps:
+            return None
+        return region_result(self._region, self._maps, complete=complete)
+
+    def draw(self) -> Sequence[Path]:
+        """Draw the maps."""
+        from grosmc_mj.studies.region.answer import write_region_figure
+
+        return (write_region_figure(self._region, self._maps, self.path.with_suffix(".png")),)
+
+    @property
+    def kept(self) -> bool:
+        """Whether each law converges from some start."""
+        converging = {law_map.controller for law_map in self._maps if law_map.converged > 0}
+        return all(law_map.controller in converging for law_map in self._maps)

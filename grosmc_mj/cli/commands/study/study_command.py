@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar
 from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.command import OUTPUT, Command, Flag, Out
-from grosmc_mj.cli.exit_codes import DIFFERS, DONE
+from grosmc_mj.cli.answering import AnsweringCommand, Question
+from grosmc_mj.cli.command import OUTPUT, Flag, Out
 from grosmc_mj.cli.films import write_with_progress
 from grosmc_mj.cli.targets import result_name
 
@@ -24,7 +24,7 @@ AnyRow = TypeVar("AnyRow")
 
 
 @dataclass(frozen=True, kw_only=True)
-class StudyCommand(Command, Generic[AnyStudy, AnyRow]):
+class StudyCommand(AnsweringCommand, Generic[AnyStudy, AnyRow]):
     """Command that measures the cells of a study, and writes, draws and prints its answer.
 
     Attributes:
@@ -59,23 +59,9 @@ class StudyCommand(Command, Generic[AnyStudy, AnyRow]):
     def film_law(self, study: AnyStudy, rows: Sequence[AnyRow], path: Path) -> None:
         """Write the film that is asked for, if any."""
 
-    def execute(self) -> int:
-        """Measure all cells or read them; write, draw, film and print the answer."""
-        study = self.study()
-        path = self.out / f"{study.kind}_{result_name(study.case.path)}.json"
-        rows: list[AnyRow] = []
-        with screen.answered(
-            path,
-            lambda complete: self.result(study, rows, complete=complete),
-            rows,
-            lambda: self.draw(study, rows, path),
-            full=self.verbose,
-            advice=screen.RESUME,
-        ):
-            self.measure(study, rows, path.with_suffix(""))
-
-        self.film_law(study, rows, path.with_name(f"{path.stem}_film.mp4"))
-        return DONE if self.keeps(study, rows) else DIFFERS
+    def questions(self) -> Sequence[Question]:
+        """Return the one question of the study."""
+        return [_StudyQuestion(self, self.study())]
 
     def measure(self, study: AnyStudy, rows: list[AnyRow], folder: Path) -> None:
         """Measure the cells of a study; with --resume read those that are finished.
@@ -85,13 +71,53 @@ class StudyCommand(Command, Generic[AnyStudy, AnyRow]):
             rows: List to which each row is added.
             folder: Folder of the finished rows.
         """
+        from grosmc_mj.studies.pieces import held
         from grosmc_mj.studies.study import CellRunner
 
         cells = study.cells()
-        with screen.progress(len(cells), study.unit) as progress:
+        with held(folder), screen.progress(len(cells), study.unit) as progress:
             runner = CellRunner(folder, study.row, self.resume, progress, screen.notice)
             # One by one: an interrupt leaves the first ones.
             rows.extend(study.rows(cells, runner))
+
+
+class _StudyQuestion(Question):
+    """Question of a study: its rows, one of each cell."""
+
+    def __init__(self, command: StudyCommand[AnyStudy, AnyRow], study: AnyStudy) -> None:
+        self.path = command.out / f"{study.kind}_{result_name(study.case.path)}.json"
+        self._command = command
+        self._study = study
+        self._rows: list[Any] = []
+
+    def measure(self) -> None:
+        """Measure all cells, or read them."""
+        self._command.measure(self._study, self._rows, self.path.with_suffix(""))
+
+    def result(self, *, complete: bool) -> Result | None:
+        """Return the result of the finished rows."""
+        if not self._rows:
+            return None
+        return self._command.result(self._study, self._rows, complete=complete)
+
+    def draw(self) -> Sequence[Path]:
+        """Draw the figures."""
+        return self._command.draw(self._study, self._rows, self.path)
+
+    def close(self) -> None:
+        """Write the film that is asked for, if any."""
+        path = self.path.with_name(f"{self.path.stem}_film.mp4")
+        self._command.film_law(self._study, self._rows, path)
+
+    @property
+    def kept(self) -> bool:
+        """Whether the laws keep enough."""
+        return self._command.keeps(self._study, self._rows)
+
+    @property
+    def advice(self) -> str:
+        """How to go on after an interrupt."""
+        return screen.RESUME
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,124 @@
+"""Commands that answer: what is refused before the work, and what an interrupt leaves."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from commands import Screen, assert_one_line, run
+
+from grosmc_mj import cli
+from grosmc_mj.cli.answering import AnsweringCommand, Question
+from grosmc_mj.cli.screen import AGAIN
+from grosmc_mj.ground.errors import SetupError
+from grosmc_mj.output.results.result import KEPT, OPEN, Answer, Result, result
+
+
+class Count(Question):
+    """Counts pieces, and is stopped before one of them."""
+
+    def __init__(self, path: Path, pieces: int, stop: BaseException | None = None) -> None:
+        self.path = path
+        self.finished = 0
+        self._pieces = pieces
+        self._stop = stop
+
+    def measure(self) -> None:
+        for _ in range(self._pieces):
+            self.finished += 1
+        if self._stop is not None:
+            raise self._stop
+
+    def result(self, *, complete: bool) -> Result | None:
+        if not self.finished:
+            return None
+        verdict = KEPT if complete else OPEN
+        answer = Answer(question="Count", verdict=verdict, words=f"{self.finished} pieces")
+        return result("count", {}, complete=complete, answers=[answer])
+
+
+def wrong(capsys: Screen, *arguments: object) -> str:
+    """The one line of a command that is refused."""
+    assert run(*arguments) == cli.WRONG
+    error = capsys.readouterr().err
+    assert_one_line(error)
+    return error
+
+
+@dataclass(frozen=True)
+class CountCommand(AnsweringCommand):
+    """Command of some counts."""
+
+    asked: Sequence[Count] = ()
+
+    def questions(self) -> Sequence[Question]:
+        return self.asked
+
+
+@pytest.mark.parametrize("pieces", [0, 2])
+def test_an_interrupt_leaves_what_is_finished(pieces: int, tmp_path: Path, capsys: Screen) -> None:
+    count = Count(tmp_path / "count.json", pieces, KeyboardInterrupt())
+    with pytest.raises(KeyboardInterrupt) as stop:
+        CountCommand(asked=[count]).execute()
+    assert str(stop.value) == AGAIN
+
+    assert count.path.exists() == bool(pieces)
+    shown = capsys.readouterr().out
+    assert shown.startswith("2 pieces.") == bool(pieces)
+    if pieces:
+        document = json.loads(count.path.read_text())
+        assert document["complete"] is False
+        assert document["answers"][0]["verdict"] == OPEN
+
+
+def test_an_error_in_the_work_is_the_one_that_is_told(tmp_path: Path) -> None:
+    """Not that of the place of the results, which has gone meanwhile."""
+    place = tmp_path / "out"
+
+    class Gone(Count):
+        def measure(self) -> None:
+            super().measure()
+            place.write_text("a file")
+            raise SetupError("no more licences")
+
+    with pytest.raises(SetupError, match="no more licences"):
+        CountCommand(asked=[Gone(place / "count.json", 1)]).execute()
+
+
+def test_every_place_is_tried_before_the_first_measurement(tmp_path: Path) -> None:
+    first = Count(tmp_path / "first.json", 1)
+    (tmp_path / "second.json").mkdir()
+    with pytest.raises(SetupError, match=r"second\.json"):
+        CountCommand(asked=[first, Count(tmp_path / "second.json", 1)]).execute()
+    assert not first.finished
+
+
+def test_a_comparison_that_cannot_be_written_is_refused_before_it_is_made(
+    tmp_path: Path, capsys: Screen, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def compared(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr("grosmc_mj.studies.comparison.comparison.compare", compared)
+    (tmp_path / "diff.json").mkdir()
+    assert "diff.json" in wrong(capsys, "diff", tmp_path, tmp_path, "--out", tmp_path)
+
+
+def test_a_campaign_whose_results_cannot_be_written_is_refused_before_its_runs(
+    tmp_path: Path, capsys: Screen
+) -> None:
+    (tmp_path / "radius.json").mkdir()
+    options = ("--runs", "8", "--radius", "--out", tmp_path)
+    assert "radius.json" in wrong(capsys, "campaign", "servo", *options)
+    assert [path.name for path in tmp_path.iterdir()] == ["radius.json"]
+
+
+def test_an_exit_code_tells_an_interrupt_from_a_verdict(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("grosmc_mj.studies.comparison.comparison.compare", stopped)
+    assert run("diff", tmp_path, tmp_path, "--out", tmp_path) == cli.INTERRUPTED
