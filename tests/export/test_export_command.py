@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 from commands import Patch, Screen, assert_one_line, run
 
-from grosmc_mj.cli.commands.export import ExportCommand
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE, WRONG
 from grosmc_mj.export.compiler import find_compiler
 
@@ -57,7 +56,7 @@ def test_a_link_at_a_file_s_place_is_replaced_and_not_followed(
 def test_a_pipe_at_a_file_s_place_is_refused_before_the_proof(
     suffix: str, tmp_path: Path, monkeypatch: Patch, capsys: Screen
 ) -> None:
-    monkeypatch.setattr(ExportCommand, "_proof", pytest.fail)
+    monkeypatch.setattr("grosmc_mj.export.compiler.find_compiler", pytest.fail)
     name = "export_servo_case1_lqr" if suffix == ".json" else "servo_case1_lqr"
     os.mkfifo(tmp_path / f"{name}{suffix}")
     assert run("export", "servo/case1", "--law", "lqr", "--fmu", "--out", tmp_path) == WRONG

@@ -146,6 +146,8 @@ def test_the_answer_names_what_decides(machine: Machine, capsys: Screen, tmp_pat
     assert "Law: reproduces the logged command" in text
     assert "decide this experiment" in text
     (path,) = tmp_path.glob("predict_*.json")
+    # Results of another law have another name.
+    assert path.stem.endswith(f"_{LAW}")
     document: Any = json.loads(path.read_text("utf-8"))
     assert set(document["deciding"]) == {"pivot rate noise", "pivot friction", FITTED_MASSES}
     assert path.with_suffix(".png").is_file()
