@@ -33,7 +33,7 @@ def benchmark_machines(rounds: int = 5) -> dict[str, Sequence[Throughput]]:
 def _benchmark(system: str, rounds: int) -> list[Throughput]:
     """Measure one machine."""
     machine = find_experiment(system, "machine")
-    experiment = machine.varied(loop=None).with_settings(control_period=machine.settings.timestep)
+    experiment = machine.changed(loop=None).changed(control_period=machine.settings.timestep)
     law = experiment.law("physics", _LAW)
     plants = [experiment.plant("physics")] * _SIMULATIONS
     starts = np.tile(experiment.x0, (_SIMULATIONS, 1))

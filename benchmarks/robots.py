@@ -31,7 +31,7 @@ def benchmark_robots(rounds: int = 5) -> list[Throughput]:
     Raises:
         SetupError: If dm_control is not installed.
     """
-    experiment = Experiment.load("jaco/sines").with_settings(switching="sign", surface="printed")
+    experiment = Experiment.load("jaco/sines").changed(switching="sign", surface="printed")
     law = experiment.law("physics", "grosmc")
     plants = _loaded_arms(experiment)
     starts = np.tile(experiment.x0, (_SIMULATIONS, 1))

@@ -201,7 +201,7 @@ def case_run(case: str, law: str, control_period: float) -> CaseRun:
     Raises:
         GrosmcError: If there is no such case or law.
     """
-    experiment = Experiment.load(case).with_settings(
+    experiment = Experiment.load(case).changed(
         control_period=control_period,
         timestep=TIMESTEP,
         switching=law,

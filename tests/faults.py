@@ -58,7 +58,7 @@ class OtherDisturbances(RunCache):
 
     def as_set(self, experiment: Experiment) -> Experiment:
         disturbances = self._change(experiment.disturbances)
-        return super().as_set(experiment).varied(disturbances=disturbances)
+        return super().as_set(experiment).changed(disturbances=disturbances)
 
 
 # Laws

@@ -103,4 +103,4 @@ def seen(run: Trajectory) -> Array:
 @cache
 def nominal(**settings: Any) -> Experiment:
     """The servo's nominal case with other simulation settings."""
-    return Experiment.load("servo/nominal").with_settings(**settings)
+    return Experiment.load("servo/nominal").changed(**settings)

@@ -37,7 +37,7 @@ def of_design(design: str) -> Experiment:
 
 def of_case(case: Experiment, settings: Settings | None = None) -> Experiment:
     """Return a case with other settings."""
-    return case.with_settings(**vars(settings or Settings()))
+    return case.changed(**vars(settings or Settings()))
 
 
 def cases(system: str) -> list[Experiment]:

@@ -105,7 +105,7 @@ class Episode:
         spread: ArrayLike = 0.0,
         action_limit: ArrayLike | None = None,
     ) -> None:
-        experiment = _experiment(target, task).with_settings(
+        experiment = _experiment(target, task).changed(
             control_period=control_period, timestep=timestep
         )
         settings = experiment.settings

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import re
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache, partial
@@ -22,13 +21,15 @@ from grosmc_mj.experiments.file.parts import (
     machine_of_file,
     run_of_file,
 )
-from grosmc_mj.experiments.file.paths import set_number
+from grosmc_mj.experiments.file.paths import Place, place_of
 from grosmc_mj.experiments.file.reading import case_file_of, read_case_file
 from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable, RequirementTable
 from grosmc_mj.experiments.file.shipped import find_file
 from grosmc_mj.experiments.file.user_code import blamed, is_named, named_in
 from grosmc_mj.experiments.file.values import disturbances_of, edits_of, state_of
+from grosmc_mj.experiments.law_numbers import OF_FILE
 from grosmc_mj.experiments.laws import LawRequest, design, knows_limits
+from grosmc_mj.experiments.number import find_number
 from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant, nominal_plant
 from grosmc_mj.experiments.plausible import beyond_ranges, implausible, joint_ranges
 from grosmc_mj.experiments.requirement_tables import requirements_in
@@ -38,7 +39,7 @@ from grosmc_mj.experiments.requirements.measured_run import MeasuredRun
 from grosmc_mj.experiments.requirements.metrics import Metric
 from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.experiments.settings import Settings, settings_of_file
-from grosmc_mj.experiments.variation import different, joined
+from grosmc_mj.experiments.steps import Change, differences, with_values
 from grosmc_mj.ground.arguments import require, require_known
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import (
@@ -545,26 +546,76 @@ class Experiment:
             return Realization(law, self.settings.control_period)
         return Realization(law, None)
 
-    def with_settings(self, **changes: Any) -> Experiment:
-        """Return a copy with other settings.
+    def changed(
+        self,
+        numbers: Mapping[str, Any] | None = None,
+        *,
+        laws: Sequence[str] | None = None,
+        **values: Any,
+    ) -> Experiment:
+        """Return a copy with other numbers, laws, settings or attributes; all else stays.
 
         Args:
-            changes: Fields of ``Settings``; those that are None stay as they are in the file.
+            numbers: New values by their paths OWNER.NAME.FIELD, as if the file had them:
+                ``edit.pole.mass``, ``sensor.pole angle.delay``, ``laws.grosmc.k``,
+                ``run.duration``; two tables of one name need an index, ``edit.pole[2].mass``. A
+                value is a number in the unit of the file's key, or a text with a unit. An edit
+                that the file does not have is added.
+            laws: Controllers and ``[laws]`` of the file that are run; none for all controllers.
+            values: Fields of ``Settings``, of which those that are None stay, and attributes,
+                such as ``x0``, ``duration``, ``edits``, ``disturbances``, whose laws stay.
 
         Raises:
-            ArgumentError: If there is no such setting, or it has no such value.
+            ArgumentError: If there is no such path, law, setting or attribute, or the file could
+                not have the value.
         """
-        chosen = {name: value for name, value in changes.items() if value is not None}
-        for name in chosen:
-            require_known("setting", name, vars(self.settings))
-        settings = replace(self.settings, **chosen)
-        return replace(self, settings=settings, asked=self.asked | chosen.keys())
+        changed = self._copy([*self._changes_of(values)])
+        if laws is not None:
+            changed = changed._copy(changed._changes_of_laws(laws))
+        if numbers:
+            changed = changed._changed_numbers(numbers)
+        return changed
 
-    def with_laws(self, names: Sequence[str]) -> Experiment:
-        """Return a copy that runs some laws only.
+    def _copy(self, changes: Sequence[Change]) -> Experiment:
+        """Return a copy with other values at some steps; for another task it has new designs."""
+        copy = with_values(self, changes)
+        before = self._designed_for
+        if all(part is other for part, other in zip(before, copy._designed_for, strict=True)):
+            return copy
+        return replace(copy, _designs=_designs_for(copy.file, copy.nominal.system))
 
-        Args:
-            names: Controllers and ``[laws]`` of the file; none for all controllers.
+    @property
+    def _designed_for(self) -> tuple[Any, ...]:
+        """Task and nominal plant of the laws."""
+        nominal = self.nominal
+        return self.file.task, nominal.plant, nominal.believed, nominal.at
+
+    def _changes_of(self, values: Mapping[str, Any]) -> Iterator[Change]:
+        """Yield the changes of settings and attributes.
+
+        Raises:
+            ArgumentError: If there is no such one, or equations get edits of a model.
+        """
+        attributes = [item.name for item in fields(self) if item.init]
+        settings = vars(self.settings)
+        asked = set()
+        for name, value in values.items():
+            require_known("attribute or setting", name, [*settings, *attributes])
+            if name in attributes:
+                yield (name,), value
+            elif value is not None:
+                asked.add(name)
+                yield ("settings", name), value
+        if asked:
+            yield ("asked",), self.asked | asked
+        if values.get("edits") and not self.nominal.has_model:
+            raise ArgumentError(
+                f"{self.system} has no model in MuJoCo to edit: change a parameter, with "
+                'changed({"edit.NAME.scale": ...})'
+            )
+
+    def _changes_of_laws(self, names: Sequence[str]) -> list[Change]:
+        """Return the changes for runs of some laws only, which become controllers of the file.
 
         Raises:
             ArgumentError: If there is no such law.
@@ -574,88 +625,63 @@ class Experiment:
         for name in names:
             require_known("law", name, valid)
 
-        added = [ControllerTable(law=name) for name in further if name in names]
-        file = self.file.model_copy(update={"controller": [*self.file.controller, *added]})
+        added = [name for name in further if name in names]
+        tables = [*self.file.controller, *(ControllerTable(law=name) for name in added)]
+        file = self.file.model_copy(update={"controller": tables})
+        rows = [*self.file.content["controller"], *({"law": name} for name in added)]
+        file._content = {**self.file.content, "controller": rows}
         chosen = tuple(name for name in valid if name in names)
-        return replace(self, file=file, chosen=chosen)
+        return [(("file",), file), (("chosen",), chosen)]
 
-    def varied(self, **changes: Any) -> Experiment:
-        """Return a copy with the same laws and other values.
-
-        Args:
-            changes: Attributes, such as ``x0``, ``duration``, ``edits``, ``disturbances``.
-
-        Raises:
-            ArgumentError: If there is no such attribute, or equations get edits of a model.
-        """
-        for name in changes:
-            require_known("attribute", name, [item.name for item in fields(self) if item.init])
-        if changes.get("edits") and not self.nominal.has_model:
-            raise ArgumentError(
-                f"{self.system} has no model in MuJoCo to edit: change a parameter, with "
-                'changed({"edit.NAME.scale": ...})'
-            )
-        return replace(self, **changes)
-
-    def changed(self, changes: Mapping[str, Any]) -> Experiment:
-        """Return a copy with other numbers, as if its file had them.
-
-        Args:
-            changes: New values by their paths OWNER.NAME.FIELD in the file: ``edit.pole.mass``,
-                ``sensor.pole angle.delay``, ``laws.grosmc.k``, ``run.duration``; two tables of one
-                name need an index, ``edit.pole[2].mass``. A value is a number in the unit of the
-                file's key, or a text with a unit. An edit that the file does not have is added.
-
-        Raises:
-            ArgumentError: If there is no such path, or the file could not have the value.
-        """
+    def _changed_numbers(self, numbers: Mapping[str, Any]) -> Experiment:
+        """Return a copy with other numbers by their paths, see ``changed``."""
+        self._refuse_overruled(numbers)
         content = deepcopy(self.file.content)
-        for path, value in changes.items():
-            set_number(content, path, in_units(value))
+        places = {path: place_of(self.file.content, path) for path in numbers}
+        for path, value in numbers.items():
+            places[path].write(content, in_units(value))
         with placed(""):
             file = case_file_of(content, self.path)
-            before = Experiment.of_file(case_file_of(self.file.content, self.path), self.path)
-            after = Experiment.of_file(file, self.path)
 
-        # A file with further laws, or of a campaign, keeps its other tables.
-        owners = {re.split(r"[.\[]", path)[0] for path in changes}
+        changes: list[Change] = []
+        others = False
+        for path, value in numbers.items():
+            # Laws and requirements are made from the tables, which have the value by now.
+            if places[path].owner in OF_FILE:
+                continue
+            number = find_number(self, path, places[path])
+            if number is None:
+                others = True
+            else:
+                changes += number.changes(self, number.read(value))
+        if others:
+            changes += self._changes_of_file(file, places.values())
+
+        # A campaign's file keeps its other tables.
+        owners = {place.owner for place in places.values()}
         tables = self.file.model_copy(update={owner: getattr(file, owner) for owner in owners})
-        if "controller" in owners:
-            # Laws that ``with_laws`` has added.
-            added = self.file.controller[len(before.file.controller) :]
-            tables = tables.model_copy(update={"controller": [*file.controller, *added]})
         tables._content = content
-        self._refuse_overruled(changes)
+        changed = self._copy([*changes, (("file",), tables)])
+        refuse_inconsistent(tables, changed.nominal, changed.loop, changed.settings)
+        return changed
 
-        # All else that was varied stays.
-        named = {path.partition(".")[2] for path in changes if path.startswith("run.")}
-        settings = different(before.settings, after.settings, vars(after.settings))
-        settings |= {name: getattr(after.settings, name) for name in named & {*vars(self.settings)}}
-        values = {name: joined(name, before, after, self) for name in _OF_FILE}
-        values |= {name: getattr(after, name) for name in named & {"duration"}}
-        values["x0"] = self._changed_start(before, after, named)
-        if owners & {"edit", "plant", "design"}:
-            scales = after.nominal.scales
-            if self.nominal.scales != before.nominal.scales:
-                scales = joined("scales", before.nominal, after.nominal, self.nominal)
-            values["nominal"] = replace(after.nominal, scales=scales)
-        changed = replace(
-            self,
-            file=tables,
-            settings=replace(self.settings, **settings),
-            _designs=after._designs,
-        )
-        return changed.varied(**values)
+    def _changes_of_file(self, file: CaseFile, places: Collection[Place]) -> Iterator[Change]:
+        """Yield the changes of values that differ in another file: lists, texts, switches.
 
-    def _changed_start(
-        self, before: Experiment, after: Experiment, named: Iterable[str]
-    ) -> tuple[float, ...]:
-        """Return the start after a change of some states: each other one as it was varied."""
-        start = list(self.x0)
-        for index, signal in enumerate(self.nominal.system.states):
-            if after.x0[index] != before.x0[index] or f"start.{signal.name}" in named:
-                start[index] = after.x0[index]
-        return tuple(start)
+        Args:
+            file: The file with other values.
+            places: Places of the values.
+        """
+        before = Experiment.of_file(case_file_of(self.file.content, self.path), self.path)
+        after = Experiment.of_file(file, self.path)
+        for name in (*_OF_FILE, "settings"):
+            for steps, value in differences(getattr(before, name), getattr(after, name)):
+                yield (name, *steps), value
+        for place in places:
+            if place.owner == "run" and hasattr(after.settings, place.field):
+                yield ("settings", place.field), getattr(after.settings, place.field)
+        if {"edit", "plant", "design"} & {place.owner for place in places}:
+            yield ("nominal",), replace(after.nominal, scales=self.nominal.scales)
 
     def _refuse_overruled(self, paths: Iterable[str]) -> None:
         """Refuse changes of a controller's number that a setting for all laws replaces."""
@@ -663,7 +689,7 @@ class Experiment:
             name = path.rpartition(".")[2]
             if path.startswith("controller.") and name in self.asked:
                 raise ArgumentError(
-                    f"{path!r}: {name} is set for all laws: leave it out of with_settings"
+                    f"{path!r}: {name} is set for all laws: leave it out of changed({name}=...)"
                 )
 
     def run(self, plant: PlantName | None = None, law: str | None = None) -> RunResult:

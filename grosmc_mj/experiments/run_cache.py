@@ -130,7 +130,7 @@ class RunCache:
             finer = min(1.0, self.settings.timestep / Settings().timestep)
             changes["timestep"] = experiment.settings.timestep * finer
             changes.pop("control_period", None)
-        used = experiment.with_settings(**changes)
+        used = experiment.changed(**changes)
         if self._number is None:
             return used
         key, value = self._number
@@ -146,7 +146,7 @@ def trial(
     disturbances: tuple[AnyDisturbance, ...] = (),
 ) -> Experiment:
     """An experiment of this project's own, beside the chapter's, under the nominal case's laws."""
-    return find_experiment(system, "nominal").varied(
+    return find_experiment(system, "nominal").changed(
         name=name,
         title=name,
         source="this project",

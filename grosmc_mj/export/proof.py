@@ -263,9 +263,7 @@ def uncertain_experiment(experiment: Experiment) -> Experiment | None:
         return None
     settings = experiment.settings
     of_campaign = Experiment.of_file(read_case_file(path), path)
-    return of_campaign.with_settings(
-        control_period=settings.control_period, timestep=settings.timestep
-    )
+    return of_campaign.changed(control_period=settings.control_period, timestep=settings.timestep)
 
 
 def _random_plants(uncertain: Experiment, numbers: range) -> tuple[list[Experiment], list[Plant]]:

@@ -30,9 +30,9 @@ def without_each(experiment: Experiment) -> Mapping[str, Experiment]:
     lesser: dict[str, Experiment] = {}
     if experiment.loop is not None:
         for name, loop in _loops(experiment.loop).items():
-            lesser[name] = experiment.varied(loop=loop)
+            lesser[name] = experiment.changed(loop=loop)
     for name, edits in _machines(experiment).items():
-        lesser[name] = experiment.varied(edits=edits)
+        lesser[name] = experiment.changed(edits=edits)
     return lesser
 
 

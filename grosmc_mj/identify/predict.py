@@ -131,7 +131,7 @@ def question_of(
         raise ArgumentError(f"{line}: a prediction needs it from the first to the last sample")
     log = _part(log, measured.begin, experiment.duration)
     notes = [*measured.notes, *measured.not_judged]
-    experiment = experiment.varied(loop=_instrumented(experiment, noise_log))
+    experiment = experiment.changed(loop=_instrumented(experiment, noise_log))
 
     asked = None
     start_of_run = _start(experiment, log, 0.0)
@@ -140,7 +140,7 @@ def question_of(
         start_of_run = _start(experiment, log, asked.rows * log.sampling)
     except ArgumentError as error:
         notes.append(f"the law is not asked for the logged commands: {error}")
-    return Question(experiment.varied(x0=tuple(start_of_run.tolist())), law, log, asked, notes)
+    return Question(experiment.changed(x0=tuple(start_of_run.tolist())), law, log, asked, notes)
 
 
 def _asked(experiment: Experiment, law: str, log: Log, start: Array, limits: Array) -> LawOnLog:
@@ -280,7 +280,7 @@ def _closed_loop(experiment: Experiment, law: str, seeds: int) -> Sequence[Traje
     plant = experiment.plant(name)
     controller = experiment.law(name, law)
     loops = [
-        experiment.varied(run_number=number).applied_loop(name, law) for number in range(seeds)
+        experiment.changed(run_number=number).applied_loop(name, law) for number in range(seeds)
     ]
     batch = simulate(
         [plant] * seeds,

@@ -178,14 +178,14 @@ class SineFrom(_Formula):
     """sin(frequency t + phase) from ``onset`` on, 0 before; t counts from the run's start.
 
     Attributes:
-        frequency: [rad/s].
-        onset: [s].
-        phase: [rad].
+        frequency: Frequency of the sine [rad/s]; 1 Hz is a turn a second.
+        onset: Instant from which on it acts [s].
+        phase: Phase of the sine [rad].
     """
 
-    frequency: Finite
-    onset: Finite = 0.0
-    phase: Finite = 0.0
+    frequency: Annotated[float, Range(unit="rad/s")]
+    onset: Annotated[float, Range(unit="s")] = 0.0
+    phase: Annotated[float, Range(unit="rad")] = 0.0
 
     @property
     def numbers(self) -> tuple[float, float, float, float]:

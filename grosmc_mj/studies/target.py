@@ -65,7 +65,7 @@ class StudiedLaw:
         Raises:
             GrosmcError: If it cannot be designed.
         """
-        controller = experiment.with_settings(**self.sampled).law(plant, self.base)
+        controller = experiment.changed(**self.sampled).law(plant, self.base)
         return replace(self, controller=controller)
 
 
@@ -120,7 +120,7 @@ def conditions_of(experiment: Experiment) -> list[Condition]:
     case = experiment
     nominal = experiment.nominal
     calm = replace(experiment, nominal=replace(nominal, scales=()))
-    calm = calm.varied(edits=(), disturbances=())
+    calm = calm.changed(edits=(), disturbances=())
     conditions = [Condition("nominal", "the nominal plant", calm)]
     if case.edits or case.disturbances or nominal.scales:
         conditions.append(Condition(UNDER_LOAD, case.title, experiment))
@@ -130,7 +130,7 @@ def conditions_of(experiment: Experiment) -> list[Condition]:
         loaded = of_system(experiment, name)
         if loaded is not None:
             load = loaded
-            under_load = experiment.varied(
+            under_load = experiment.changed(
                 edits=load.edits,
                 disturbances=load.disturbances,
                 duration=max(case.duration, load.duration),
@@ -254,7 +254,7 @@ def _switched(experiment: Experiment, base: str, names: set[str]) -> list[Studie
     for predict, switching, surface in variants:
         sampled = {"switching": switching, "surface": surface}
         try:
-            law = experiment.with_settings(**sampled).law(experiment.nominal.truest, base)
+            law = experiment.changed(**sampled).law(experiment.nominal.truest, base)
         except GrosmcError:
             # Not every switching law fits every surface, such as one of several inputs.
             continue

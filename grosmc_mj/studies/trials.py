@@ -49,7 +49,7 @@ class Trial(NamedTuple):
         if self.control_period is None:
             return experiment
         # A discrete surface, too, is designed for this period.
-        return experiment.with_settings(control_period=self.control_period, **self.law.sampled)
+        return experiment.changed(control_period=self.control_period, **self.law.sampled)
 
     @property
     def machine(self) -> Experiment:
@@ -57,7 +57,7 @@ class Trial(NamedTuple):
         experiment = self.experiment
         if not self.parts:
             return experiment
-        return experiment.varied(edits=(*experiment.edits, *self.parts))
+        return experiment.changed(edits=(*experiment.edits, *self.parts))
 
     def row(self, draw: int, plant: Plant) -> Row:
         """Return the row of a draw on the plant of the trial; draw 0 is the file's own run."""
@@ -66,7 +66,7 @@ class Trial(NamedTuple):
         return Row(
             # By its name a law is designed for the control period.
             self.law.controller if self.control_period is None else self.law.base,
-            case=experiment.varied(loop=loop),
+            case=experiment.changed(loop=loop),
             number=experiment.run_number + draw,
             plant=plant,
             predict=self.law.predict,

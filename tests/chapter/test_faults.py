@@ -158,7 +158,7 @@ def test_slow_sampling_is_slow_when_refined_too() -> None:
 def test_faults_of_disturbances_change_their_wrench_alone() -> None:
     experiment = find_experiment("arm", "case1")
     dropped = FAULTS["disturbance dropped"]().as_set(experiment)
-    assert dropped.key == experiment.varied(disturbances=()).key
+    assert dropped.key == experiment.changed(disturbances=()).key
 
     tenfold = FAULTS["decimal point misplaced"]().as_set(experiment)
     for was, now in zip(experiment.disturbances, tenfold.disturbances, strict=True):

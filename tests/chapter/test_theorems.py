@@ -55,7 +55,7 @@ def test_a_kick_takes_longer_than_the_law_s_own_eta_promises() -> None:
     kick = Disturbance("rotor", (0, 0, 0, 0, -6.0, 0), Pulse(4.0, 4.02))
     load = Disturbance("rotor", (0, 0, 0, 0, -1.0, 0), Constant())
     edits = (BodyEdit("rotor", 3.0),)
-    case = SERVO.varied(duration=6.0, edits=edits, disturbances=(kick, load))
+    case = SERVO.changed(duration=6.0, edits=edits, disturbances=(kick, load))
     sliding = LAB.run(case, "corrected", "grosmc").trajectory.sliding
     s = np.ravel(np.asarray(sliding))[4020:]
     eta = LAB.controller(SERVO, "corrected", "grosmc").parameters.eta

@@ -164,7 +164,7 @@ def test_a_changed_gain_is_seen_by_validate() -> None:
 @pytest.mark.usefixtures("changed_gains")
 def test_experiments_share_their_laws_with_claims() -> None:
     experiment = Experiment.load("arm/case1")
-    without_edits = experiment.varied(edits=())
+    without_edits = experiment.changed(edits=())
     law = RunCache(Settings()).controller(without_edits, "physics", "grosmc")
     assert experiment.laws["physics", "grosmc"] is law
 
@@ -245,7 +245,7 @@ def test_settings_of_a_file_count_without_a_call(tmp_path: Path) -> None:
 
 def test_settings_of_a_call_count_instead_of_the_files(tmp_path: Path) -> None:
     experiment = Experiment.load(extended(tmp_path, IMPLICIT))
-    changed = experiment.with_settings(switching="boundary-layer", control_period=2e-3, engine=None)
+    changed = experiment.changed(switching="boundary-layer", control_period=2e-3, engine=None)
     law = changed.law("physics", "grosmc").designed
     assert law.switching == "boundary-layer"
     assert law.control_period == 2e-3
@@ -253,13 +253,13 @@ def test_settings_of_a_call_count_instead_of_the_files(tmp_path: Path) -> None:
 
 def test_an_unknown_setting_is_refused(tmp_path: Path) -> None:
     experiment = Experiment.load(extended(tmp_path))
-    with pytest.raises(ArgumentError, match="unknown setting 'period'"):
-        experiment.with_settings(period=1.0)
+    with pytest.raises(ArgumentError, match="unknown attribute or setting 'period'"):
+        experiment.changed(period=1.0)
 
 
 @pytest.fixture(scope="module")
 def short_servo() -> gm.Experiment:
-    return gm.Experiment.load("servo/nominal").varied(duration=0.5)
+    return gm.Experiment.load("servo/nominal").changed(duration=0.5)
 
 
 def test_a_run_has_its_metrics(short_servo: gm.Experiment) -> None:
@@ -303,7 +303,7 @@ def test_all_controllers_of_a_file_are_run(tmp_path: Path) -> None:
 
 
 def test_laws_of_the_file_are_run_on_request(tmp_path: Path) -> None:
-    experiment = Experiment.load(extended(tmp_path, CASE + OTHERS)).with_laws(["quite soft"])
+    experiment = Experiment.load(extended(tmp_path, CASE + OTHERS)).changed(laws=["quite soft"])
     assert [judgement.controller for judgement in gm.judge(experiment)] == ["quite soft"]
     assert experiment.run().controller.parameters.k == 5
 
@@ -311,7 +311,7 @@ def test_laws_of_the_file_are_run_on_request(tmp_path: Path) -> None:
 def test_a_law_that_the_file_does_not_have_is_refused(tmp_path: Path) -> None:
     experiment = Experiment.load(extended(tmp_path, CASE + OTHERS))
     with pytest.raises(ArgumentError, match=r"unknown law 'stiff': .*'soft', 'quite soft'"):
-        experiment.with_laws(["stiff"])
+        experiment.changed(laws=["stiff"])
 
 
 def test_the_command_runs_laws_on_request(tmp_path: Path, monkeypatch) -> None:

@@ -156,7 +156,7 @@ def test_a_log_that_does_not_sample_a_run_in_each_tenth_judges_nothing(tmp_path,
     rows = [f"{t!r},0,{min(t, 1.0)!r}" for t in time.tolist()]
     path = tmp_path / "log.csv"
     path.write_text("\n".join(["time [s],current [A],rotor angle [rad]", *rows]))
-    case = experiment.varied(duration=3.0)
+    case = experiment.changed(duration=3.0)
     assert bool(measured(case, path).requirements) is (period < 0.3)
     assert len(measured(case, path).not_judged) == (period > 0.3)
 
@@ -166,7 +166,7 @@ def test_a_log_of_positions_has_the_errors_of_outputs(tmp_path: Path) -> None:
     for target, output in (("cart_pendulum/nominal", "pole angle"), ("arm/nominal", "joint angle")):
         case = Experiment.load(target)
         law = case.controllers[0]
-        run = case.varied(duration=0.5).run("physics", law).trajectory
+        run = case.changed(duration=0.5).run("physics", law).trajectory
         names = [state.name for state in run.system.states]
         angle = run.state[:, names.index(output)]
         inputs = np.append(run.input, run.input[-1])
@@ -174,7 +174,7 @@ def test_a_log_of_positions_has_the_errors_of_outputs(tmp_path: Path) -> None:
         table = np.column_stack([run.time, inputs, angle])
         path = tmp_path / f"{case.system}.csv"
         np.savetxt(path, table, "%.17g", ",", header=header, comments="")
-        result = measured(case.varied(duration=0.5), path, law=law)
+        result = measured(case.changed(duration=0.5), path, law=law)
         assert {"error", f"{output} error"} <= result.known
         assert np.all(np.isfinite(result.comparison.error))
 
@@ -315,7 +315,7 @@ def test_a_wrong_log_is_refused_in_a_line(
 
 
 def test_a_log_of_one_of_several_laws_needs_its_name(case, folder: Path, capsys: Screen) -> None:
-    two_laws = Experiment.load("servo/nominal").varied(duration=6.0)
+    two_laws = Experiment.load("servo/nominal").changed(duration=6.0)
     with pytest.raises(ArgumentError, match="name the one that made the log, by --laws NAME"):
         measured(two_laws, folder / "good.csv")
     result = measured(two_laws, folder / "good.csv", law="lqr")

@@ -175,7 +175,7 @@ def test_a_row_of_a_design_scales_the_edited_parameter_and_not_the_law_s(tmp_pat
     text = OWN.replace('"own:law"\na = 4\nb = 4', '"lqr"')
     edited = load(tmp_path, text)
     scales = (*edited.nominal.scales, ("m", 2.0))
-    case = edited.varied(nominal=replace(edited.nominal, scales=scales))
+    case = edited.changed(nominal=replace(edited.nominal, scales=scales))
     table = run_rows(edited, [Row("lqr", case=case)], plant="corrected")
 
     thrice = load(tmp_path, text.replace("scale = 1.5", "scale = 3.0"))

@@ -60,7 +60,7 @@ SWITCHED = [
 def law_of(target: str, name: str, real: str = "double", **settings: Any) -> LawInC:
     experiment = Experiment.load(target)
     if settings:
-        experiment = experiment.with_settings(**settings)
+        experiment = experiment.changed(**settings)
     controller = experiment.law(experiment.nominal.truest, name)
     return exported(experiment, controller, real)
 

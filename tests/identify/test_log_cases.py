@@ -132,7 +132,7 @@ def test_a_load_across_the_shaft_is_noted_in_a_file_of_its_own(
 @pytest.fixture(scope="module")
 def swing_up() -> MeasuredResult:
     """The pendulum of DFKI, swung up by energy shaping and held by LQR, as a run of its case."""
-    case = Experiment.load(MEASURED / "pendulum/swing_up.toml").with_laws(["energy_lqr"])
+    case = Experiment.load(MEASURED / "pendulum/swing_up.toml").changed(laws=["energy_lqr"])
     table = MeasuredTable(log="energy_shaping_cmd.parquet")
     (result,) = results_of_logs(case, [table])
     return result

@@ -65,7 +65,7 @@ def machine(tmp_path_factory: pytest.TempPathFactory) -> Experiment:
 
 def log_of(machine: Experiment) -> Log:
     """The log of a run: what the law was told and what it commanded, at its samples."""
-    run = machine.varied(run_number=77, duration=3.005).run(law="lqr").trajectory
+    run = machine.changed(run_number=77, duration=3.005).run(law="lqr").trajectory
     assert run.seen is not None
     rows = np.arange(0, len(run.seen), 5)
     names = [state.name for state in run.system.states]
@@ -125,7 +125,7 @@ def test_another_law_differs_from_its_first_command_on(machine: Experiment) -> N
 def test_a_rate_that_is_not_logged_is_differenced_as_in_the_loop(machine: Experiment) -> None:
     loop = machine.loop
     assert loop is not None
-    differencing = machine.varied(loop=Loop(loop.computing, loop.sensors[:1]).completed(SYSTEM))
+    differencing = machine.changed(loop=Loop(loop.computing, loop.sensors[:1]).completed(SYSTEM))
     log = log_of(differencing)
     angle = {"rotor angle": log.states["rotor angle"]}
     finding = found(differencing, replace(log, states=angle))
@@ -183,7 +183,7 @@ def test_a_machine_without_its_fitted_masses_has_those_of_the_model(machine: Exp
 
 def test_a_case_without_a_requirement_predicts_nothing(machine: Experiment) -> None:
     log = log_of(machine)
-    asking_nothing = machine.varied(file=machine.file.model_copy(update={"requirement": []}))
+    asking_nothing = machine.changed(file=machine.file.model_copy(update={"requirement": []}))
     with pytest.raises(ArgumentError, match="no requirement that can be predicted: there is none"):
         question_of(asking_nothing, "lqr", log, log)
 
@@ -224,7 +224,7 @@ def test_a_run_of_the_machine_lies_within_the_spread_of_its_predictions(
 
 def test_a_start_from_which_no_run_gets_on_is_refused(question: Question) -> None:
     """As of a log whose angle counts 1e14 for a radian."""
-    far = question.experiment.varied(x0=(-1e14, 1e17))
+    far = question.experiment.changed(x0=(-1e14, 1e17))
     with pytest.raises(ArgumentError, match="every predicted run ends in its first step, from ro"):
         predict(question._replace(experiment=far), 2)
 

@@ -49,7 +49,7 @@ def machine(tmp_path_factory: pytest.TempPathFactory) -> Machine:
 
     # The case of the swing-up extends the fit.
     (folder / "identify_fit_sac_cmd.toml").replace(folder / "identified.toml")
-    experiment = Experiment.load(folder / "swing_up.toml").with_laws([LAW])
+    experiment = Experiment.load(folder / "swing_up.toml").changed(laws=[LAW])
     system = experiment.nominal.system
     log = read_log(folder / "energy_shaping_cmd.parquet", system, experiment.file.log)
     noise_log = read_log(logs[0], system, experiment.file.log)
@@ -74,7 +74,7 @@ def with_noise(machine: Machine, noise: float) -> dict[str, np.ndarray]:
     experiment = machine.question.experiment
     loop = experiment.loop
     assert loop is not None
-    quiet = experiment.varied(loop=loop.changed("sensor", "pivot rate", noise=noise))
+    quiet = experiment.changed(loop=loop.changed("sensor", "pivot rate", noise=noise))
     return numbers(predict(machine.question, SEEDS, quiet))
 
 

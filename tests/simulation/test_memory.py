@@ -53,9 +53,9 @@ def test_a_machine_that_does_not_tell_refuses_nothing(monkeypatch: Patch) -> Non
 def test_the_records_of_all_runs_of_a_case_are_counted() -> None:
     """Two laws on two plants, on which a record is as wide."""
     case = Experiment.load("servo/case1")
-    one = case.with_laws(["lqr"])
+    one = case.changed(laws=["lqr"])
     assert case.record_size > one.record_size > 0
-    longer = one.varied(duration=2 * one.duration)
+    longer = one.changed(duration=2 * one.duration)
     assert longer.record_size == pytest.approx(2 * one.record_size, rel=1e-3)
 
 

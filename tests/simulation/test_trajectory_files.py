@@ -24,7 +24,7 @@ from grosmc_mj.ground.errors import ArgumentError, UndefinedLawError
 
 @cache
 def result(case: str = "servo/case1", duration: float = 0.01) -> RunResult:
-    return Experiment.load(case).varied(duration=duration).run(law="grosmc")
+    return Experiment.load(case).changed(duration=duration).run(law="grosmc")
 
 
 FIELDS = (

@@ -92,8 +92,8 @@ def maker_s_run() -> tuple[Experiment, RunResult]:
     """The machine of the servo without its parts and its loop, under the maker's law."""
     machine = Experiment.load("servo/machine")
     edits = tuple(edit for edit in machine.edits if edit not in machine.parts)
-    machine = machine.varied(loop=None, edits=edits)
-    machine = machine.with_settings(timestep=machine.settings.control_period)
+    machine = machine.changed(loop=None, edits=edits)
+    machine = machine.changed(timestep=machine.settings.control_period)
     return machine, machine.run("corrected", "pv")
 
 

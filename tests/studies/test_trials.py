@@ -18,7 +18,7 @@ from grosmc_mj.studies.target import Condition, StudiedLaw, chosen_laws, conditi
 from grosmc_mj.studies.trials import Trial, Trials
 
 BENCH = Experiment.load("servo/bench")
-BARE = BENCH.varied(loop=None)
+BARE = BENCH.changed(loop=None)
 (LQR,) = chosen_laws(BARE, ["lqr"])
 NOMINAL = Condition("nominal", "", BARE)
 # Encoders have other phases in each draw.
@@ -90,10 +90,10 @@ def test_a_recorded_run_is_the_first_draw() -> None:
 def test_draws_count_from_the_file_s_own_run() -> None:
     """Draw 1 of a file whose run is 2 is the run 3."""
     noisy = Loop(sensors=(Sensor("rotor angle", noise=0.03),))
-    own = Condition("nominal", "", BARE.varied(run_number=2))
+    own = Condition("nominal", "", BARE.changed(run_number=2))
     trials = Trials("corrected", limits, draws=2)
     _, third = trials.all_draws(Trial(LQR, own, noisy))
-    run = BARE.varied(loop=noisy, run_number=3).run("corrected", "lqr")
+    run = BARE.changed(loop=noisy, run_number=3).run("corrected", "lqr")
     (error,) = [limit for limit in limits(LQR, own) if limit.key == "final_error_below"]
     assert third.shares[error.name] == pytest.approx(judge_run(error, run).share, rel=1e-9)
 

@@ -101,11 +101,11 @@ class FilmCommand(Command):
         from grosmc_mj.experiments.films import film_of
 
         form = self._format()
-        experiment = shown_experiment(self.target).with_settings(
+        experiment = shown_experiment(self.target).changed(
             switching=self.switching, surface=self.surface
         )
         if self.duration is not None:
-            experiment = experiment.varied(duration=self.duration)
+            experiment = experiment.changed(duration=self.duration)
         laws = self._law_names(experiment)
         _require_filmable(experiment, laws, form)
 

@@ -66,7 +66,7 @@ class PredictCommand(AnsweringCommand):
         if not 1 <= self.seeds <= _MOST_SEEDS:
             raise ArgumentError(f"--seeds {self.seeds} must be from 1 to {_MOST_SEEDS}")
         *paths, case = self.logs_and_case
-        experiment = find_experiments(case)[0].with_laws([self.law])
+        experiment = find_experiments(case)[0].changed(laws=[self.law])
         logs = {Path(path): 0.0 for path in paths} or self._measured(experiment)
         questions = []
         for path, start in logs.items():

@@ -88,7 +88,7 @@ class RunCommand(AnsweringCommand):
         require_draws(self.draws)
         experiments = find_experiments(self.target)
         if self.laws:
-            experiments = [experiment.with_laws(self.laws) for experiment in experiments]
+            experiments = [experiment.changed(laws=self.laws) for experiment in experiments]
         if self.log and len(experiments) > 1:
             raise ArgumentError(f"--log: {self.target} is {len(experiments)} cases: name one")
         for experiment in experiments:

@@ -45,7 +45,7 @@ class ViewCommand(Command):
         """Prepare the case and open the window."""
         from grosmc_mj.output.viewer import play
 
-        experiment = shown_experiment(self.target).with_settings(
+        experiment = shown_experiment(self.target).changed(
             switching=self.switching, surface=self.surface
         )
         case = experiment

@@ -18,7 +18,7 @@ from grosmc_mj.theory.control.uncertainty.outputs import Uncertainty
 from grosmc_mj.theory.control.uncertainty.states import StateUncertainty
 
 # Numbers of laws that may be written as a text with a unit.
-_UNITS = {"frequency": "rad/s", "bandwidth": "rad/s", "filter": "s", "tracking_time": "s"}
+UNITS = {"frequency": "rad/s", "bandwidth": "rad/s", "filter": "s", "tracking_time": "s"}
 
 Declared = TypeVar("Declared", Uncertainty, StateUncertainty)
 
@@ -57,8 +57,8 @@ def law_number(
         return value
     if name == "tune":
         return _tuning(value)
-    if name in _UNITS and isinstance(value, str):
-        return _with_unit(name, value, _UNITS[name])
+    if name in UNITS and isinstance(value, str):
+        return _with_unit(name, value, UNITS[name])
     if name == "limit" and isinstance(value, str) and input_units:
         if len(set(input_units)) > 1:
             raise ArgumentError(

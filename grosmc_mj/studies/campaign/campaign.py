@@ -100,7 +100,7 @@ class Campaign:
         case = experiment
         mistakes = Mistakes()
         with mistakes.gathered():
-            experiment = experiment.with_laws(specification.controllers)
+            experiment = experiment.changed(laws=specification.controllers)
         kind: PlantName = "physics" if "physics" in experiment.plant_names else "corrected"
         with mistakes.gathered():
             experiment.checked()

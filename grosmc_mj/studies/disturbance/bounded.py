@@ -103,7 +103,7 @@ class BoundedDisturbance:
         unit_disturbance: Any = self.unit_disturbance
         disturbance = replace(unit_disturbance, profile=profile, label=f"worst on {self.place}")
         disturbances = (*self.experiment.disturbances, disturbance)
-        return self.experiment.varied(x0=tuple(x0), disturbances=disturbances)
+        return self.experiment.changed(x0=tuple(x0), disturbances=disturbances)
 
     def case_of(self, signal: Array) -> Experiment:
         """Return the case with a signal of the search: pieces, then deviations of the start."""
@@ -186,7 +186,7 @@ def bounded_disturbance(
         if axis:
             raise ArgumentError(f"--axis {axis}: {on} is no body")
     return BoundedDisturbance(
-        experiment=experiment.varied(disturbances=tuple(kept)),
+        experiment=experiment.changed(disturbances=tuple(kept)),
         unit_disturbance=unit_disturbance,
         unit=unit,
         bound=size,

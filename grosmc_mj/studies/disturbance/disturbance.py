@@ -103,7 +103,7 @@ class DisturbanceStudy(Study[WorstDisturbance]):
                 if self.requirement:
                     words = f"{self.requirement} is not required"
                 raise ArgumentError(f"{self.experiment.path}: {words} of {law}")
-        experiment = self.experiment.with_laws(named or required)
+        experiment = self.experiment.changed(laws=named or required)
         return replace(self, disturbance=replace(self.disturbance, experiment=experiment))
 
     def configuration(self) -> dict[str, Any]:
@@ -369,7 +369,7 @@ def disturbance_study(
     """
     if not 2 <= pieces <= _MOST_PIECES:
         raise ArgumentError(f"--pieces {pieces} must be from 2 to {_MOST_PIECES}")
-    experiment = case_for(target, BENCH).with_laws(laws)
+    experiment = case_for(target, BENCH).changed(laws=laws)
     disturbance = bounded_disturbance(experiment, on, bound, axis=axis, slew=slew, starts=starts)
     if requirement == _ANY:
         requirement = ""

@@ -173,7 +173,7 @@ def ladder(
     """
     machine = case_for(target, MACHINE)
     edits = tuple(edit for edit in machine.edits if edit not in machine.parts)
-    bare = machine.varied(loop=None, edits=edits)
+    bare = machine.changed(loop=None, edits=edits)
     climbing, alone = rungs_of(machine)
     if not alone:
         raise ArgumentError(

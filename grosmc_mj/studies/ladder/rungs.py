@@ -84,7 +84,7 @@ class Rung:
             machine: The machine; its own parts are taken off.
         """
         edits = [edit for edit in machine.edits if edit not in machine.parts]
-        return machine.varied(edits=(*edits, *self.parts))
+        return machine.changed(edits=(*edits, *self.parts))
 
     def document(self) -> dict[str, Any]:
         """Return it as plain values."""

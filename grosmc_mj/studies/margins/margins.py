@@ -389,7 +389,7 @@ def margin_study(
     setups = []
     for built in cases:
         edits = tuple(edit for edit in built.edits if edit not in built.parts)
-        bare = built.varied(loop=None, edits=edits)
+        bare = built.changed(loop=None, edits=edits)
         laws = chosen_laws(bare, chosen, rivals=rivals)
         if built is case:
             conditions = _in_loop(bare, Loop(), None, ())
@@ -412,6 +412,6 @@ def _in_loop(
     conditions = []
     for condition in conditions_of(bare):
         edits = (*condition.experiment.edits, *parts)
-        changed = condition.experiment.varied(loop=loop, known_loop=known, edits=edits)
+        changed = condition.experiment.changed(loop=loop, known_loop=known, edits=edits)
         conditions.append(replace(condition, experiment=changed))
     return conditions

@@ -157,8 +157,8 @@ class RegionStudy:
     @cached_property
     def experiments(self) -> list[Experiment]:
         """The experiment with the nominal plant, and with the perturbed one."""
-        perturbed = _perturbed(self.target, self.duration).with_settings(integrator=INTEGRATOR)
-        nominal = perturbed.varied(
+        perturbed = _perturbed(self.target, self.duration).changed(integrator=INTEGRATOR)
+        nominal = perturbed.changed(
             name="nominal", title="nothing is changed", edits=(), disturbances=()
         )
         return [nominal, perturbed]

@@ -115,7 +115,7 @@ class RegionLoop:
 
     def run(self, starts: Array, duration: float) -> Outcomes:
         """Return the runs from the starts (nsim, n)."""
-        case = drawn_case(self.experiment.varied(duration=duration), self.draw)
+        case = drawn_case(self.experiment.changed(duration=duration), self.draw)
         rows = []
         for start in starts.tolist():
             row = Row(

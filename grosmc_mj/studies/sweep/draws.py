@@ -35,7 +35,7 @@ def drawn_case(case: Experiment, number: int) -> Experiment:
     """
     if number == 0 or case.loop is None:
         return case
-    return case.varied(loop=case.loop.draw(number), run_number=case.run_number + number)
+    return case.changed(loop=case.loop.draw(number), run_number=case.run_number + number)
 
 
 def judged_over_draws(result: RunResult, draws: int) -> RunResult:

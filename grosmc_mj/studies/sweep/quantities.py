@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.content import Content
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS
-from grosmc_mj.experiments.file.paths import Place, set_in_tables
+from grosmc_mj.experiments.file.paths import place_of
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.ground.fields import Range, range_of
@@ -158,7 +158,7 @@ class StartQuantity(Quantity):
         """Return the case with another start."""
         x0 = list(case.x0)
         x0[state_index(self.of, case.nominal.system)] = value
-        return case.varied(x0=tuple(x0))
+        return case.changed(x0=tuple(x0))
 
     def write(
         self, content: Content, value: float, case: Experiment, text: Written = written
@@ -192,7 +192,7 @@ class DisturbanceQuantity(Quantity):
             self._changed(disturbance, value) if disturbance.label == self.of else disturbance
             for disturbance in case.disturbances
         ]
-        return case.varied(disturbances=tuple(disturbances))
+        return case.changed(disturbances=tuple(disturbances))
 
     def _changed(self, disturbance: AnyDisturbance, value: float) -> AnyDisturbance:
         """The disturbance with a value; a pulse with another onset keeps its length."""
@@ -254,7 +254,7 @@ class EquationQuantity(Quantity):
     def changed_case(self, case: Experiment, value: float) -> Experiment:
         """Return the case with a further factor on the parameter."""
         scales = (*case.nominal.scales, (self.of, value))
-        return case.varied(nominal=replace(case.nominal, scales=scales))
+        return case.changed(nominal=replace(case.nominal, scales=scales))
 
     def write(
         self, content: Content, value: float, case: Experiment, text: Written = written
@@ -322,7 +322,7 @@ class ModelQuantity(Quantity):
             edits[first] = replace(edits[first], **change)
         else:
             edits.append(self._kind(self.of, **change))
-        return case.varied(edits=tuple(edits))
+        return case.changed(edits=tuple(edits))
 
     def write(
         self, content: Content, value: float, case: Experiment, text: Written = written
@@ -336,8 +336,8 @@ class ModelQuantity(Quantity):
             # A model has the name of the actuator, a file that of the input.
             system = case.nominal.system
             name = system.inputs[system.actuators.index(name)].name
-        place = Place(owner, name, None, self.quantity)
-        set_in_tables(content, place, text(value, self.unit), add=True)
+        place = place_of(content, f"{owner}.{name}.{self.quantity}")
+        place.write(content, text(value, self.unit))
 
 
 class AddedMassQuantity(Quantity):
@@ -360,7 +360,7 @@ class AddedMassQuantity(Quantity):
         """Return the case with a further edit."""
         if not value > 0:
             return case
-        return case.varied(edits=(*case.edits, AddedMass(self.of, value, self.at)))
+        return case.changed(edits=(*case.edits, AddedMass(self.of, value, self.at)))
 
     def write(
         self, content: Content, value: float, case: Experiment, text: Written = written
@@ -409,7 +409,7 @@ class LoopQuantity(Quantity):
         if case.loop is None:
             raise ArgumentError(f"the case has no loop, so no {self.owner} of {self.of}")
         loop = case.loop.changed(self.owner, self.of, **{self.quantity: value})
-        return case.varied(loop=loop)
+        return case.changed(loop=loop)
 
     def write(
         self, content: Content, value: float, case: Experiment, text: Written = written
@@ -418,8 +418,8 @@ class LoopQuantity(Quantity):
         if self.owner == "computing":
             content.setdefault("computing", {})[self.quantity] = text(value, self.unit)
             return
-        place = Place(self.owner, self.of, None, self.quantity)
-        set_in_tables(content, place, text(value, self.unit), add=True)
+        place = place_of(content, f"{self.owner}.{self.of}.{self.quantity}")
+        place.write(content, text(value, self.unit))
 
 
 # The edits that have the numbers of each owner.
@@ -474,5 +474,5 @@ def with_values(case: Experiment, values: Iterable[tuple[Quantity, float]]) -> E
     if changed.loop is not None and changed.loop is not case.loop:
         settings = case.settings
         loop = changed.loop.rounded(settings.timestep, settings.control_period)
-        changed = changed.varied(loop=loop)
+        changed = changed.changed(loop=loop)
     return changed

@@ -197,7 +197,7 @@ def tolerance_study(
         )
 
     timestep = min(experiment.settings.timestep, owner.settings.timestep)
-    bare = experiment.varied(loop=None).with_settings(timestep=timestep)
+    bare = experiment.changed(loop=None).changed(timestep=timestep)
     kinds = imperfections(
         owner.loop,
         bare.nominal.system,

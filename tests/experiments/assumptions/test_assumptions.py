@@ -412,19 +412,19 @@ G = [[0, 1]]
 def test_premises_of_a_region_where_laws_are_undefined_are_refused(tmp_path: Path) -> None:
     """About 2 rad the arm's cable has no direction: its laws end at 1.5 rad."""
     (tmp_path / "mine.toml").write_text(BEYOND_CABLE, encoding="utf-8")
-    run = Experiment.load(tmp_path / "mine.toml").with_settings(engine="python").run("physics")
+    run = Experiment.load(tmp_path / "mine.toml").changed(engine="python").run("physics")
     with pytest.raises(ArgumentError, match=r"nowhere in the .* \|z1\| <= 0\.1, \|z2\| <= 0\.1"):
         run_audit(run)
 
 
 def test_premises_of_a_run_that_ended_at_its_start_are_refused() -> None:
-    run = find_experiment("arm", "nominal").varied(x0=(1.6, 0.0)).run("physics", "grosmc")
+    run = find_experiment("arm", "nominal").changed(x0=(1.6, 0.0)).run("physics", "grosmc")
     with pytest.raises(ArgumentError, match=r"it ended at its start: .* cable has length zero"):
         run_audit(run)
 
 
 def test_premises_of_a_law_with_dynamics_of_its_own_are_refused() -> None:
-    run = find_experiment("servo", "nominal").varied(duration=0.01).run("physics", "fl-pid")
+    run = find_experiment("servo", "nominal").changed(duration=0.01).run("physics", "fl-pid")
     with pytest.raises(ArgumentError, match=r"fl-pid: premises are told of laws v = -K z"):
         run_audit(run)
 

@@ -109,7 +109,7 @@ def test_the_push_counts_by_its_matched_share() -> None:
 
 def test_s_is_what_the_limited_nominal_leaves_over() -> None:
     """s = G [x - x0] less the sum of T G (A x + B u_0), by hand from a recorded run."""
-    controller = EXPERIMENT.with_settings(switching="sign").law("physics", "grosmc")
+    controller = EXPERIMENT.changed(switching="sign").law("physics", "grosmc")
     start = (0.0, math.pi / 6, 0.0, 0.0)
     run = simulate(HEAVY, controller, start, duration=0.4, engine="python")
     p = controller.parameters

@@ -298,7 +298,7 @@ def test_the_cart_s_centre_can_go_as_far_as_the_posts() -> None:
 @cache
 def states_of(case: str, law: str) -> tuple[Array, Array]:
     """States of a run on physics, and those of its last 5 s."""
-    experiment = cart.holding_case(case).with_settings(**IMPLICIT.changes())
+    experiment = cart.holding_case(case).changed(**IMPLICIT.changes())
     run = experiment.run("physics", law).trajectory
     return run.state, run.state[run.time > run.time[-1] - 5]
 
@@ -355,7 +355,7 @@ def test_physics_follows_the_sliding_dynamics(G: str) -> None:
 @pytest.mark.parametrize("plant", [PHYSICS, PHYSICS.changed(LARGER)], ids=["nominal", "larger"])
 def test_the_angle_stays_within_its_start_or_the_lean(plant: MujocoPlant) -> None:
     nominal = find_experiment(SYSTEM, "nominal")
-    realization = nominal.with_settings(**IMPLICIT.changes()).realization
+    realization = nominal.changed(**IMPLICIT.changes()).realization
     law = nominal_controller(SYSTEM, "cart-pfl", "corrected", realization)
     angles = [math.radians(angle) for angle in (5, 15, 25, 45, 60)]
     starts = [[p, angle, 0.0, 0.0] for angle in angles for p in (0.0, 10.0)]

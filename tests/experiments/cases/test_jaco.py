@@ -32,7 +32,7 @@ def arm() -> Robot:
 
 @cache
 def sines() -> Experiment:
-    return Experiment.load("jaco/sines").with_settings(switching="sign", surface="printed")
+    return Experiment.load("jaco/sines").changed(switching="sign", surface="printed")
 
 
 def plant(mass: float) -> MujocoPlant:

@@ -119,7 +119,7 @@ def test_a_broken_limit_is_named_with_its_laws(broken: Figure) -> None:
 
 @pytest.fixture(scope="module")
 def circle_runs() -> list[RunResult]:
-    return list(Experiment.load("two_link_arm/case1").varied(duration=0.2).runs())
+    return list(Experiment.load("two_link_arm/case1").changed(duration=0.2).runs())
 
 
 def test_each_output_has_a_panel(circle_runs: list[RunResult]) -> None:
@@ -221,7 +221,7 @@ def test_curves_of_a_rate_that_does_not_jump_are_its_values(tmp_path) -> None:
 
 @pytest.fixture(scope="module")
 def machine() -> Figure:
-    runs = list(Experiment.load("cart_pendulum/machine").varied(duration=0.2).runs())
+    runs = list(Experiment.load("cart_pendulum/machine").changed(duration=0.2).runs())
     return figure_of(runs)
 
 
@@ -276,7 +276,7 @@ def test_a_run_that_ended_early_is_marked(tmp_path) -> None:
 
 @pytest.fixture(scope="module")
 def servo_runs() -> list[RunResult]:
-    experiment = Experiment.load("servo/case1").varied(duration=11.0)
+    experiment = Experiment.load("servo/case1").changed(duration=11.0)
     return [experiment.run("physics", law) for law in ("lqr", "grosmc")]
 
 

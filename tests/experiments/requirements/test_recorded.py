@@ -210,7 +210,7 @@ def test_an_actuator_is_at_its_limit_where_what_it_gives_is(tmp_path, gain, at_l
     loop = experiment.loop
     assert loop is not None
     loop = loop.changed("actuator", "current", limit=0.8, gain=gain)
-    result = experiment.varied(loop=loop, duration=0.01).run("corrected", "lqr")
+    result = experiment.changed(loop=loop, duration=0.01).run("corrected", "lqr")
     assert np.abs(result.trajectory.command).max() == pytest.approx(1.0, rel=0.1)
     assert np.abs(result.trajectory.input).max() == pytest.approx(min(abs(gain), 0.8), rel=0.1)
     assert (result.saturated > 0) is at_limit
@@ -220,7 +220,7 @@ def test_an_actuator_is_at_its_limit_where_what_it_gives_is(tmp_path, gain, at_l
 
 
 def test_inputs_without_a_limit_are_never_saturated(tmp_path) -> None:
-    experiment = saturated(tmp_path, 1).varied(loop=None)
+    experiment = saturated(tmp_path, 1).changed(loop=None)
     limit = experiment.limits[0]
     assert unfailing([limit], [experiment.run("corrected", "lqr")]) == [
         "cannot fail: saturated for less than 1 s (no input has a limit)"

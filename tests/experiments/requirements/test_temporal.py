@@ -156,15 +156,15 @@ def test_a_text_settles_as_settles_within_says(tmp_path, seconds, kept) -> None:
     text = f"eventually[0 s, {seconds} s] always[0 s, 4 s] abs(error) < 20 mrad"
     experiment = servo(tmp_path, f'settles_within = "{seconds} s"', f'always = "{text}"')
     # Evaluated at the start alone: the load comes later.
-    run = experiment.varied(duration=8.5).run("corrected", "grosmc")
+    run = experiment.changed(duration=8.5).run("corrected", "grosmc")
     assert [judge_run(limit, run).kept for limit in experiment.limits] == [kept, kept]
 
 
 def test_batches_have_the_margins_of_recorded_runs(tmp_path) -> None:
     """More runs than are recorded at once, of two laws, one of which has no surface."""
     texts = ['always = "abs(s) < 0.1 A s"', 'always = "abs(error) < 0.5 rad or abs(current) < 4 A"']
-    experiment = servo(tmp_path, *texts, 'deviation_below = "1 rad"').varied(duration=0.3)
-    starts = [experiment.varied(x0=(0.01 * i, 0.0)) for i in range(70)]
+    experiment = servo(tmp_path, *texts, 'deviation_below = "1 rad"').changed(duration=0.3)
+    starts = [experiment.changed(x0=(0.01 * i, 0.0)) for i in range(70)]
     rows = [Row(law, case=start) for law in ("lqr", "grosmc") for start in starts]
     outcomes = run_rows(experiment, rows, plant="corrected")
 
@@ -193,7 +193,7 @@ PLAIN = {
 
 @pytest.mark.parametrize("text", PLAIN)
 def test_a_bound_measures_the_extreme_itself(tmp_path, text) -> None:
-    experiment = servo(tmp_path, f'always = "{text}"').varied(duration=3.0)
+    experiment = servo(tmp_path, f'always = "{text}"').changed(duration=3.0)
     run = experiment.run("corrected", "lqr")
     (limit,) = experiment.limits
     judgement = judge_run(limit, run)
@@ -217,7 +217,7 @@ MARGIN_ALONE = [
 
 @pytest.mark.parametrize("text", MARGIN_ALONE)
 def test_a_formula_that_bounds_no_one_quantity_has_a_margin_alone(tmp_path, text) -> None:
-    experiment = servo(tmp_path, f'always = "{text}"').varied(duration=1.0)
+    experiment = servo(tmp_path, f'always = "{text}"').changed(duration=1.0)
     (limit,) = experiment.limits
     judgement = judge_run(limit, experiment.run("corrected", "lqr"))
     assert judgement.measured is None
@@ -298,7 +298,7 @@ def test_s_is_asked_of_laws_with_a_surface_only(tmp_path) -> None:
 
 
 def test_a_run_in_which_a_quotient_is_undefined_does_not_keep_it(tmp_path) -> None:
-    experiment = servo(tmp_path, 'always = "error / (error - error) < 1"').varied(duration=0.1)
+    experiment = servo(tmp_path, 'always = "error / (error - error) < 1"').changed(duration=0.1)
     (limit,) = experiment.limits
     judgement = judge_run(limit, experiment.run("corrected", "lqr"))
     assert (judgement.measured, judgement.kept) == (math.inf, False)

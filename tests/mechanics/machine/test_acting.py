@@ -115,7 +115,7 @@ always = "abs(voltage) < 0.5 N m"
 
 def test_limits_are_judged_on_what_acts(tmp_path) -> None:
     """A disk that is turned fast is braked with more than the torque at rest."""
-    experiment = case(tmp_path, f"{PLAIN}ratio = 1\n", REQUIRED).varied(x0=(0.0, -500.0))
+    experiment = case(tmp_path, f"{PLAIN}ratio = 1\n", REQUIRED).changed(x0=(0.0, -500.0))
     result = experiment.run("physics", "full")
     acting = result.trajectory.acting
     assert acting is not None
@@ -163,7 +163,7 @@ def test_what_acts_and_what_is_asked_for_have_names(tmp_path, ending) -> None:
 
 
 def test_without_a_motor_the_input_is_what_acts(tmp_path) -> None:
-    experiment = Experiment.load("servo/nominal").varied(duration=0.05)
+    experiment = Experiment.load("servo/nominal").changed(duration=0.05)
     trajectory = experiment.run("physics", "lqr").trajectory
     assert trajectory.acting is None
     assert trajectory.applied is trajectory.input

@@ -26,7 +26,7 @@ FPS = 125
 
 def film_of_servo(speed: float = 0.25) -> Film:
     """A film of a run of 20 ms, from 4 ms to 16 ms."""
-    experiment = find_experiment("servo", "nominal").varied(duration=0.02)
+    experiment = find_experiment("servo", "nominal").changed(duration=0.02)
     command = FilmCommand("servo", size="320x240", fps=FPS, speed=speed, start=START, stop=STOP)
     return film_of([experiment.run("physics", "lqr")], command._format())
 
@@ -47,7 +47,7 @@ def test_a_frame_has_the_state_at_its_clock() -> None:
 def test_a_frame_has_the_push_at_its_clock() -> None:
     """Of frames at 4, 6 ... 14 ms those at 10 and 12 ms are in a push from 9 ms to 13 ms."""
     push = Disturbance("rotor", (0, 0, 0, 0, 1, 0), Pulse(0.009, 0.013))
-    experiment = find_experiment("servo", "nominal").varied(duration=0.02, disturbances=(push,))
+    experiment = find_experiment("servo", "nominal").changed(duration=0.02, disturbances=(push,))
     film = replace(film_of([experiment.run("physics", "lqr")]), format=film_of_servo().format)
     (scene,) = scenes_of(film)
     assert scene.wrench is not None
@@ -98,7 +98,7 @@ def tip_in_mujoco(film: Film, ghost: Array) -> Array:
 
 def test_the_ghost_of_an_edited_plant_is_on_the_reference() -> None:
     """Links that are 5 % longer than the laws believe need other joint angles."""
-    experiment = find_experiment("two_link_arm", "case2").varied(duration=0.01)
+    experiment = find_experiment("two_link_arm", "case2").changed(duration=0.01)
     film = film_of([experiment.run("physics", "lqr")])
     (take,) = film.takes
 
@@ -110,7 +110,7 @@ def test_the_ghost_of_an_edited_plant_is_on_the_reference() -> None:
 
 def test_the_ghost_has_the_joints_that_nothing_controls_where_the_run_has_them() -> None:
     """The cart moves; the law controls the pole alone."""
-    experiment = find_experiment("cart_pendulum", "nominal").varied(duration=0.02)
+    experiment = find_experiment("cart_pendulum", "nominal").changed(duration=0.02)
     film = replace(film_of([experiment.run("physics", "fl-lqr")]), format=film_of_servo().format)
     (take,) = film.takes
     (scene,) = scenes_of(film)

@@ -186,7 +186,7 @@ def test_mistakes_are_told_with_the_file(
 
 @cache
 def short_bench_run() -> RunResult:
-    experiment = Experiment.load("servo/bench").varied(duration=0.05)
+    experiment = Experiment.load("servo/bench").changed(duration=0.05)
     return experiment.run("physics", "implicit, predicted")
 
 

@@ -778,7 +778,7 @@ def test_rows_of_a_ladder_are_made_anew_if_the_load_of_a_case_changes() -> None:
     before = depends_on(studied)
     assert depends_on(studied) == before
 
-    heavier = load.experiment.varied(edits=(BodyEdit("rotor", 2.0),))
+    heavier = load.experiment.changed(edits=(BodyEdit("rotor", 2.0),))
     changed = replace(studied, conditions=[*others, replace(load, experiment=heavier)])
     after = depends_on(changed)
     assert after.pop(load.name) != before.pop(load.name)

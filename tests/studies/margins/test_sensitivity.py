@@ -101,7 +101,7 @@ def satellite() -> RunningLoop:
 
 def bench(system: str, name: str, delay: float = 0.0) -> RunningLoop:
     """Return a law of a bench on its equations, with all states known and a delay [s]."""
-    experiment = Experiment.load(f"{system}/bench").varied(loop=None)
+    experiment = Experiment.load(f"{system}/bench").changed(loop=None)
     (law,) = chosen_laws(experiment, [name])
     controller = law.controller
     loop = experiment.loop_around(controller, Loop(Computing(delay=delay)))

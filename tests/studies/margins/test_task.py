@@ -48,12 +48,12 @@ class ServoTask(NamedTuple):
 def servo_task(name: str, condition: str = "nominal", draws: int = 1) -> ServoTask:
     """Return a law on the servo's bench under a condition."""
     bench = Experiment.load("servo/bench")
-    bare = bench.varied(loop=None)
+    bare = bench.changed(loop=None)
     (law,) = chosen_laws(bare, [name])
     (under,) = [item for item in conditions(bare) if item.name == condition]
     limits = limits_in(bare.file.requirement, law, under, ["corrected"])
     trials = Trials("corrected", lambda *_: limits, draws, threads=1)
-    looped = replace(under, experiment=under.experiment.varied(loop=bench.loop))
+    looped = replace(under, experiment=under.experiment.changed(loop=bench.loop))
     return ServoTask(trials, law, looped)
 
 
@@ -144,7 +144,7 @@ def test_a_search_ends_within_one_percent_or_one_timestep(kind: str, bound: floa
 
 def running(name: str, loop: Loop) -> RunningLoop:
     """Return a law of the servo at rest on the equations."""
-    experiment = Experiment.load("servo/bench").varied(loop=None)
+    experiment = Experiment.load("servo/bench").changed(loop=None)
     (law,) = chosen_laws(experiment, [name])
     controller = law.controller
     rest = controller.designed.error.rest(controller.parameters)

@@ -33,7 +33,7 @@ CONVERGED = Outcome.CONVERGED.letter
 
 
 def loop(system: str, case: str, controller: str) -> RegionLoop:
-    experiment = find_experiment(system, case).with_settings(integrator="implicitfast")
+    experiment = find_experiment(system, case).changed(integrator="implicitfast")
     return RegionLoop.of(experiment, controller)
 
 

@@ -377,7 +377,7 @@ def row_of(table: Outcomes, index: int) -> dict[str, str]:
     return {name: str(values[index]) for name, values in table.columns.items()}
 
 
-EXPERIMENT = Experiment.load("servo/case1").varied(duration=0.1)
+EXPERIMENT = Experiment.load("servo/case1").changed(duration=0.1)
 
 
 def heavier(scale: float) -> Experiment:
@@ -437,13 +437,13 @@ def test_rows_by_equations_agree_with_physics() -> None:
     np.testing.assert_allclose(by_equations["deviation"], table["deviation"], rtol=1e-6, atol=1e-9)
 
 
-BENCH = Experiment.load("servo/bench").varied(duration=0.05)
+BENCH = Experiment.load("servo/bench").changed(duration=0.05)
 
 
 def delayed(delay: float) -> Experiment:
     """The bench whose angle is measured some time [s] late."""
     assert BENCH.loop is not None
-    return BENCH.varied(loop=BENCH.loop.changed("sensor", "rotor angle", delay=delay))
+    return BENCH.changed(loop=BENCH.loop.changed("sensor", "rotor angle", delay=delay))
 
 
 # A delay that is no whole number of timesteps.
@@ -505,11 +505,11 @@ def test_rows_of_two_durations_are_each_run_to_their_own_end(
     experiment = Experiment.load("servo/nominal")
     rows = []
     for duration in durations:
-        case = experiment.varied(duration=duration)
+        case = experiment.changed(duration=duration)
         rows.append(Row("lqr", case=case))
     outcomes = run_rows(experiment, rows, limits=[])
     assert outcomes["ended"].tolist() == list(durations)
 
     for row, duration in enumerate(durations):
-        run = experiment.varied(duration=duration).run("physics", "lqr").trajectory
+        run = experiment.changed(duration=duration).run("physics", "lqr").trajectory
         np.testing.assert_array_equal(outcomes["last"][row], run.state[-1])

@@ -259,7 +259,7 @@ def test_its_limits_are_the_least_of_plant_and_actuator(
 def test_a_law_keeps_the_limits_of_its_file_where_the_loop_is_varied(tmp_path: Path) -> None:
     case = load(tmp_path, SERVO + "kp = 1" + ACTUATOR)
     assert case.loop is not None
-    weaker = case.varied(loop=case.loop.changed("actuator", "current", limit=0.1))
+    weaker = case.changed(loop=case.loop.changed("actuator", "current", limit=0.1))
     assert weaker.law("physics", "pid").parameters.high[0] == 0.3
     rewritten = case.changed({"actuator.current.limit": "0.1 A"})
     assert rewritten.law("physics", "pid").parameters.high[0] == 0.1
@@ -283,7 +283,7 @@ R = 1
 @pytest.mark.parametrize("engine", ["python", "native"])
 def test_an_integral_at_the_actuators_limit_does_not_wind_up(tmp_path: Path, engine: Any) -> None:
     """It leaves the limit as soon as a setpoint out of reach has fallen below the output."""
-    case = load(tmp_path, SERVO.replace("20 ms", "6 s") + FALLING).with_settings(engine=engine)
+    case = load(tmp_path, SERVO.replace("20 ms", "6 s") + FALLING).changed(engine=engine)
     run = case.run().trajectory
     fallen = round(5 / case.settings.control_period)
     np.testing.assert_allclose(run.command[fallen - 1], 0.3, rtol=1e-12)

@@ -351,7 +351,7 @@ def test_with_authority_s_stays_within_two_steps(name: str) -> None:
 @cache
 def metrics_of(switching: str) -> dict[str, float]:
     """Metrics of the nominal servo in MuJoCo, sampled at its physics timestep."""
-    experiment = find_experiment("servo", "nominal").with_settings(
+    experiment = find_experiment("servo", "nominal").changed(
         control_period=H,
         timestep=H,
         switching=switching,

@@ -54,7 +54,7 @@ Model = tuple[Array, Array]
 
 def holding_case(name: str) -> Experiment:
     """Return a case of the chapter over the time that the cart needs."""
-    return find_experiment(SYSTEM, name).varied(duration=HORIZONS[name])
+    return find_experiment(SYSTEM, name).changed(duration=HORIZONS[name])
 
 
 def rail_half_length(plant: MujocoPlant) -> float:
@@ -207,8 +207,8 @@ def slowest_pole_loss(lab: RunCache, plant: PlantName) -> Measured:
 
 def deviation_over_least(lab: RunCache, plant: PlantName) -> Measured:
     """Measure the deviation with G = B+ over the least with another G, in case 1."""
-    case = holding_case("case1").varied(duration=_SHORT)
-    realization = case.with_settings(**lab.settings.changes()).realization
+    case = holding_case("case1").changed(duration=_SHORT)
+    realization = case.changed(**lab.settings.changes()).realization
     results = {"B+": lab.run(case, plant, "cart-ism")}
     for name, G in projections_of(_optimum(lab, plant)).items():
         if name != "B+":

@@ -109,7 +109,7 @@ def _on_bench(experiment: Experiment, bandwidth: float) -> Experiment:
     assert loop is not None
 
     estimators = tuple(replace(estimator, bandwidth=bandwidth) for estimator in loop.estimators)
-    return bench.varied(
+    return bench.changed(
         name=f"bench, {case.name}",
         title=f"{case.title}, on the bench",
         x0=case.x0,

@@ -235,7 +235,7 @@ def _kicked(
     disturbances = [Disturbance(body, tuple(kick.tolist()), Pulse(_KICKED, _KICKED + _KICK))]
     if load.any():
         disturbances.append(Disturbance(body, tuple(load.tolist()), Constant()))
-    return still.varied(disturbances=tuple(disturbances))
+    return still.changed(disturbances=tuple(disturbances))
 
 
 def _impulse(lab: RunCache, still: Experiment, plant: PlantName) -> float:
@@ -318,7 +318,7 @@ def worst_matched(lab: RunCache, plant: PlantName, *, system: str) -> Measured:
         if family.wrench.any():
             disturbances = (Disturbance(body, wrench, SineFrom(frequency, 0.0, phase)),)
         case = perturbed(system, "matched", 5.0, mass, length)
-        cases.append(case.varied(disturbances=disturbances))
+        cases.append(case.changed(disturbances=disturbances))
     return worst_deviation(lab, plant, cases, f"{len(cases)} random plants and disturbances")
 
 
@@ -346,7 +346,7 @@ def worst_start(
     for _ in range(8):
         start = random.uniform(-bound, bound, len(experiment.x0))
         start[output] = random.choice([-1, 1]) * random.uniform(bound / 2, bound)
-        cases.append(experiment.varied(x0=tuple(start.tolist())))
+        cases.append(experiment.changed(x0=tuple(start.tolist())))
     return worst_deviation(lab, plant, cases, f"{len(cases)} random starts")
 
 
@@ -370,7 +370,7 @@ def left_unseen(lab: RunCache, plant: PlantName) -> Measured:
     linear = law.designed.lqr
     K, P = optimum_of_rate(linear)
     blind = replace(law, parameters=replace(law.parameters, K=K))
-    turning = nominal.varied(x0=(0.0, 1.0), duration=20.0)
+    turning = nominal.changed(x0=(0.0, 1.0), duration=20.0)
     error = lab.run_with(turning, plant, blind).comparison.z[:, 0]
 
     least = np.linalg.eigvalsh(P).min()
