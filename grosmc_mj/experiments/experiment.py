@@ -16,6 +16,7 @@ import numpy as np
 from grosmc_mj.experiments.consistency import refuse_inconsistent
 from grosmc_mj.experiments.file.numbers import in_order, uncertainty
 from grosmc_mj.experiments.file.parts import (
+    LOOP_PARTS,
     known_loop_of_file,
     loop_of_file,
     machine_of_file,
@@ -662,7 +663,11 @@ class Experiment:
         tables = self.file.model_copy(update={owner: getattr(file, owner) for owner in owners})
         tables._content = content
         changed = self._copy([*changes, (("file",), tables)])
-        refuse_inconsistent(tables, changed.nominal, changed.loop, changed.settings)
+        loop = changed.loop
+        if loop is None and any(getattr(tables, kind) for kind in LOOP_PARTS):
+            # The file's loop was taken away: laws that predict over it stay.
+            loop = Loop()
+        refuse_inconsistent(tables, changed.nominal, loop, changed.settings)
         return changed
 
     def _changes_of_file(self, file: CaseFile, places: Collection[Place]) -> Iterator[Change]:
