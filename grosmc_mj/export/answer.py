@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.file.user_code import named_in, sources
 from grosmc_mj.experiments.requirements.judging import Judgement
 from grosmc_mj.export.law import LawInC
 from grosmc_mj.export.proof import Proof, Verdict
@@ -31,8 +33,14 @@ NOT_PROVEN = "not proven: there is no C compiler here"
 
 
 def case_hash(experiment: Experiment) -> str:
-    """Return the SHA-256 of the case file."""
-    return hashlib.sha256(experiment.path.read_bytes()).hexdigest()
+    """Return the SHA-256 of all values of a case, and of the user's own Python that it names.
+
+    The values of the files that the case extends are among them.
+    """
+    file = experiment.file
+    code = sources(named_in(file), experiment.path.parent)
+    text = json.dumps([file.content, code], sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def about(
@@ -58,7 +66,8 @@ def about(
     paragraphs = [
         f"{controller.name} of {experiment.target}: {experiment.title}. Its source: {source}.",
         f"Control period {period:g} s, {precision} precision. {_limits(controller)}",
-        f"Written by {listed} from {experiment.path.name}, SHA-256 {case_hash(experiment)}.",
+        f"Written by {listed} from {experiment.path.name} and the files that it extends, whose "
+        f"values have the SHA-256 {case_hash(experiment)}.",
         f"Proof: {proven}.",
     ]
     if real == "float":
@@ -125,6 +134,8 @@ def export_result(experiment: Experiment, law: LawInC, proof: Proof | None) -> R
     if proof is not None:
         proven = proof.words
         verdict = KEPT if proof.equal else MEASURED
+        if proof.blind:
+            verdict = OPEN
         if proof.overturned:
             verdict = NOT_KEPT
         if proof.verdicts:
@@ -144,7 +155,7 @@ def export_result(experiment: Experiment, law: LawInC, proof: Proof | None) -> R
         verdict=verdict,
         words=words_,
     )
-    memory = law.memory_size * (4 if law.real == "float" else 8)
+    memory = len(law.memory.places) * (4 if law.real == "float" else 8)
     return result(
         "export",
         configuration,

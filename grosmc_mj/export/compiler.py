@@ -54,8 +54,12 @@ class CompiledLaw:
 
     @property
     def address(self) -> int:
-        """Address of ``int (double t, const double *x, double *memory, double *u)``."""
-        address = ctypes.cast(self.library.law_of_doubles, ctypes.c_void_p).value
+        """Address of ``void (double t, const double *x, double *run, double *u, double *shown)``.
+
+        ``run`` is 1 once the run has begun, the answer of the last step, and the memory of the C,
+        see ``run_of``; ``shown`` is the memory of the Python law, flat.
+        """
+        address = ctypes.cast(self.library.sample_of_doubles, ctypes.c_void_p).value
         assert address is not None
         return address
 
@@ -65,17 +69,21 @@ class CompiledLaw:
         Args:
             t: Time [s].
             x: State, (n,).
-            memory: Memory of the law, flat, which it changes.
+            memory: Memory of the C, flat, which it changes.
             u: Array for the inputs, (m,).
 
         Returns:
             The answer of ``NAME_step``.
         """
-        return self.library.law_of_doubles(ctypes.c_double(t), *_pointers(x, memory, u))
+        return self.step_in_loop(t, x, x, memory, u)
 
     def begin(self, memory: Array, start: Array) -> None:
-        """Begin a run: write memory, flat, for a start, (n,)."""
+        """Begin a run: write the memory of the C, flat, for a start, (n,)."""
         self.library.begin_of_doubles(*_pointers(memory, start))
+
+    def sample(self, t: float, x: Array, run: Array, u: Array, shown: Array) -> None:
+        """Make one sample of a run, see ``address``."""
+        self.library.sample_of_doubles(ctypes.c_double(t), *_pointers(x, run, u, shown))
 
     def missed(self, memory: Array) -> None:
         """Tell a law with its loop that its last output was not sent in time."""

@@ -17,16 +17,20 @@ from grosmc_mj.ground.compilation.records import pack, with_fields
 from grosmc_mj.ground.compilation.structures import pointer, structure_at, structure_of
 from grosmc_mj.simulation.loop.applied import AppliedLoop, LoopRun
 from grosmc_mj.simulation.loop.rows import ring_row
+from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.theory.control.controller import Controller
 
 
-class _Step(NamedTuple):
-    """Address of ``int (double t, const double *x, double *memory, double *u)``, as a structure."""
+class _Sample(NamedTuple):
+    """Address of the C's sample, see ``CompiledLaw.address``, as a structure."""
 
-    step: Annotated[Any, types.FunctionType(types.int32(types.float64, *[types.uintp] * 3))]
+    sample: Annotated[Any, types.FunctionType(types.void(types.float64, *[types.uintp] * 4))]
 
 
-_step_at = structure_at(_Step)
+_sample_at = structure_at(_Sample)
+# Numbers of a run of the C: whether it has begun, the last step's answer, and then its memory.
+_ANSWER = 1
+_MEMORY = 2
 
 
 class LawInSimulation(NamedTuple):
@@ -49,15 +53,22 @@ def in_simulation(law: LawInC, compiled: CompiledLaw) -> LawInSimulation:
         compiled: The same, compiled, which must stay loaded as long.
     """
     if law.loop is None:
-        step = structure_of(_Step(compiled.address))
-        memory = partial(_memory, law.controller, step)
+        sample = structure_of(_Sample(compiled.address))
+        memory = partial(_memory, law, sample)
         controller = replace(law.controller, law=_sampled_alone(compiled), memory=memory)
         return LawInSimulation(controller, None)
 
     sampler = _Sampler(law, compiled)
     parts = {item.name: getattr(law.loop, item.name) for item in fields(law.loop)}
-    controller = replace(law.controller, law=sampler.law)
+    memory = partial(_memory, law, np.zeros(0))
+    controller = replace(law.controller, law=sampler.law, memory=memory)
     return LawInSimulation(controller, _WatchedLoop(**parts, sampler=sampler))
+
+
+def compared_places(law: LawInC) -> list[int]:
+    """Return the places in the Python law's memory, flat, that the C remembers, too."""
+    size = pack(law.controller.memory()).size
+    return [place for place in law.memory.places if place < size]
 
 
 # A law by itself, in compiled code and in Python.
@@ -67,9 +78,9 @@ def _sampled_alone(compiled: CompiledLaw) -> Any:
     """Law that samples the C."""
 
     def law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
-        numbers = pack(memory)
-        compiled.step(t, np.ascontiguousarray(x, float), numbers, u)
-        _unpack(numbers, memory)
+        shown = pack(memory)
+        compiled.sample(t, np.ascontiguousarray(x, float), memory.run, u, shown)
+        _show(shown, memory)
 
     return compiled_as(law, _compiled_law)
 
@@ -77,26 +88,39 @@ def _sampled_alone(compiled: CompiledLaw) -> Any:
 @jitable
 def _compiled_law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
     # The address stands in memory, so that code in the disk cache has none; v comes first in it.
-    step = _step_at(pointer(int(memory.step))).step
-    step(t, x.ctypes.data, memory.v.ctypes.data, u.ctypes.data)
+    sample = _sample_at(pointer(int(memory.sample))).sample
+    sample(t, x.ctypes.data, memory.run.ctypes.data, u.ctypes.data, memory.v.ctypes.data)
 
 
-def _memory(controller: Controller, step: Array) -> Any:
-    """Memory of a run, with the address of the step's structure behind what the law remembers."""
-    return with_fields(controller.memory(), step=float(step.ctypes.data))
+def _memory(law: LawInC, sample: Array) -> Any:
+    """Memory of a run: behind what the law remembers an address and the run of the C."""
+    run = np.zeros(_MEMORY + len(compared_places(law)))
+    return with_fields(law.controller.memory(), sample=float(sample.ctypes.data), run=run)
 
 
-def _unpack(numbers: Array, memory: Any) -> None:
-    """Write numbers, flat as ``pack`` gives them, into the fields of a law's memory."""
+def answers_of(trajectory: Trajectory) -> Array:
+    """Answers of ``NAME_step`` at the samples of a run, (N,)."""
+    return trajectory.memory["run"][:, _ANSWER]
+
+
+def remembered_by(trajectory: Trajectory) -> Array:
+    """Memory of the C at the samples of a run, flat, (N, numbers)."""
+    return trajectory.memory["run"][:, _MEMORY:]
+
+
+def _show(numbers: Array, memory: Any) -> None:
+    """Write numbers, flat as ``pack`` gives them, into the fields of a law's memory but the run."""
     place = 0
     for item in fields(memory):
         member = getattr(memory, item.name)
         values = numbers[place : place + np.size(member)]
+        place += np.size(member)
+        if item.name in ("sample", "run"):
+            continue
         if np.ndim(member):
             member.ravel()[:] = values
         else:
             setattr(memory, item.name, float(values[0]))
-        place += np.size(member)
 
 
 # A law with its loop, in Python.
@@ -108,7 +132,8 @@ class _Sampler:
     def __init__(self, export: LawInC, compiled: CompiledLaw) -> None:
         self._places = list(export.measured)
         self._compiled = compiled
-        self._memory = np.zeros(export.memory_size)
+        self._memory = np.zeros(len(export.memory.places))
+        self._compared = compared_places(export)
         self._loop: Any = None
         self._samples = 0
         self._last = np.zeros(0)
@@ -135,11 +160,18 @@ class _Sampler:
                 self._compiled.missed(self._memory)
         y = measured.y[self._places]
         fresh = measured.fresh[self._places]
-        self._compiled.step_in_loop(float(measured.clock[0]), y, fresh, self._memory, u)
+        clock = float(measured.clock[0])
+        answer = self._compiled.step_in_loop(clock, y, fresh, self._memory, u)
         self._last = u.copy()
         self._samples += 1
+
         # The law's memory comes first.
-        _unpack(self._memory, memory)
+        of_law = self._memory[: len(self._compared)]
+        memory.run[_ANSWER] = answer
+        memory.run[_MEMORY:] = of_law
+        shown = pack(memory)
+        shown[self._compared] = of_law
+        _show(shown, memory)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

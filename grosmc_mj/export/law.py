@@ -16,11 +16,11 @@ from grosmc_mj.export.loop import (
     settled_places,
     software_record,
 )
-from grosmc_mj.export.program import Function, Program
+from grosmc_mj.export.program import Function, Program, Table
+from grosmc_mj.export.structure import Structure
 from grosmc_mj.export.syntax import ExportError
 from grosmc_mj.export.templates import rendered
 from grosmc_mj.export.values import Array, Number, record_at
-from grosmc_mj.ground.compilation.records import pack
 from grosmc_mj.simulation.loop.applied import AppliedLoop
 from grosmc_mj.theory.control.controller import Controller
 from grosmc_mj.theory.control.surface import integrate
@@ -29,6 +29,27 @@ from grosmc_mj.theory.plants import Signal, System
 # Answers of ``NAME_step``.
 UNDEFINED_LAW = 1
 UNDEFINED_INPUT = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Written:
+    """Functions of a law in C.
+
+    Attributes:
+        functions: Their text.
+        code: The text with all members that the rest of the file has.
+        tables: Tables that they may read.
+        step: Function of ``NAME_step``.
+        missed: Function of ``NAME_missed``; None without a loop.
+        settled: Members of memory that begin with a state, and the index of that state.
+    """
+
+    functions: str
+    code: str
+    tables: Sequence[Table]
+    step: Function
+    missed: Function | None
+    settled: Sequence[tuple[str, int]]
 
 
 @dataclass(frozen=True)
@@ -72,9 +93,16 @@ class LawInC:
         return memory if self.loop is None else loop_memory(memory, self.loop)
 
     @property
-    def memory_size(self) -> int:
-        """Count of the numbers in memory."""
-        return pack(self.remembered).size
+    def memory(self) -> Structure:
+        """The structure of what the law remembers."""
+        name = f"{self.name}_memory"
+        return Structure(name, self.remembered, "memory->", self.written.code, self.real)
+
+    @property
+    def numbers(self) -> Structure:
+        """The structure of the law's numbers."""
+        parameters = self.controller.parameters
+        return Structure(f"{self.name}_numbers", parameters, "p->", self.written.code, self.real)
 
     @property
     def header(self) -> str:
@@ -86,30 +114,36 @@ class LawInC:
         """Place in C that is 1 after a sample for which the law is not defined."""
         return "memory->undefined" if self.loop is None else "memory->law.undefined"
 
-    # It is written into files, and the name of an FMU is a hash of it.
+    # It is asked for each text, and the name of an FMU is a hash of it.
     @cached_property
-    def source(self) -> str:
-        """The text of NAME.c.
+    def written(self) -> Written:
+        """The functions of the law in C.
 
         Raises:
             ExportError: If the law has no C.
         """
-        self._refuse_impossible()
+        if getattr(self.controller.law, "python_only", False):
+            raise ExportError(f"{self.controller.name} runs in Python only: it has no C")
         replacements = {}
         if self.real == "float":
             replacements[integrate] = _integrate_by(self.period)
         program = Program(self.name, self.real, self.undefined, replacements)
         step, missed = self._functions(program)
         roots = [step] if missed is None else [step, missed]
-        return rendered(
-            "law.c",
-            law=self,
-            functions=program.text(roots),
-            tables=program.tables.values(),
-            step=step,
-            missed=missed,
-            settled=[] if self.loop is None else settled_places(self.loop),
-        )
+        settled = [] if self.loop is None else settled_places(self.loop)
+        functions = program.text(roots)
+        places = [f"memory->{place}" for place, _ in settled]
+        code = "\n".join([functions, self.undefined, *places])
+        return Written(functions, code, list(program.tables.values()), step, missed, settled)
+
+    @property
+    def source(self) -> str:
+        """The text of NAME.c.
+
+        Raises:
+            ExportError: If the law has no C.
+        """
+        return rendered("law.c", law=self, **vars(self.written))
 
     def _functions(self, program: Program) -> tuple[Function, Function | None]:
         """Functions of ``NAME_step`` and, with a loop, of ``NAME_missed``."""
@@ -133,18 +167,6 @@ class LawInC:
             u,
         )
         return step, translate(program, hold_output, memory, software)
-
-    def _refuse_impossible(self) -> None:
-        """Refuse a law that needs more than a controller has."""
-        controller = self.controller
-        _, workspace = controller.begin()
-        if workspace is not None:
-            raise ExportError(
-                f"{controller.name}: MuJoCo computes M(q) of {self.system.name} at every sample, "
-                "and a controller has no MuJoCo: export a law of a system with equations"
-            )
-        if getattr(controller.law, "python_only", False):
-            raise ExportError(f"{controller.name} runs in Python only: it has no C")
 
 
 def _integrate_by(period: float) -> Callable[[float, Any], None]:

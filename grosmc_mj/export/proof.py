@@ -13,8 +13,15 @@ from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.shipped import campaign_files
 from grosmc_mj.experiments.requirements.judging import Judgement, judge_runs
 from grosmc_mj.export.compiler import CompiledLaw
-from grosmc_mj.export.in_simulation import LawInSimulation, in_simulation
+from grosmc_mj.export.in_simulation import (
+    LawInSimulation,
+    answers_of,
+    compared_places,
+    in_simulation,
+    remembered_by,
+)
 from grosmc_mj.export.law import LawInC
+from grosmc_mj.export.samples import c_answers, compare_at_samples, random_runs
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.simulation.simulate import simulate
@@ -25,6 +32,8 @@ from grosmc_mj.studies.sweep.runs import plant_of
 from grosmc_mj.theory.control.controller import Controller
 from grosmc_mj.theory.plants import Plant
 
+# States at which a law alone is sampled.
+RANDOM_STATES = 1000
 # Random plants of a batch: the trajectories of all of them are in memory.
 _BATCH = 25
 # Random plants of a law with its loop, which runs in the Python engine.
@@ -67,10 +76,13 @@ class Proof:
     Attributes:
         timestep: Timestep of the runs [s].
         stride: Timesteps in a control period.
+        places: Places in the law's memory, flat, that the C remembers.
         samples: Samples of both laws that were compared.
         different: Samples in which inputs, memory or states differ in any bit.
         runs: Runs of the case.
         random_plants: Runs on random plants.
+        random_states: Samples of the law alone at random states.
+        blind: Whether one changed digit of the C was not noticed.
         largest: Largest difference of an input; None where all are equal.
         early_end: Words on the last run that one of the laws ended earlier; empty if there is none.
         verdicts: Verdicts on the runs of the case.
@@ -78,10 +90,13 @@ class Proof:
 
     timestep: float
     stride: int
+    places: Sequence[int]
     samples: int = 0
     different: int = 0
     runs: int = 0
     random_plants: int = 0
+    random_states: int = 0
+    blind: bool = False
     largest: Difference | None = None
     early_end: str = ""
     verdicts: Sequence[Verdict] = ()
@@ -99,7 +114,11 @@ class Proof:
     @property
     def words(self) -> str:
         """The result in a sentence."""
-        runs = f"{self.runs} runs of the case and {self.random_plants} random plants"
+        runs = f"{self.runs} runs of the case, {self.random_plants} random plants"
+        if self.random_states:
+            runs += f", {self.random_states} random states"
+        if self.blind:
+            return f"not proven: a changed digit is not noticed in {self.samples} samples, {runs}"
         if self.equal:
             return f"equal to the last bit in {self.samples} samples, {runs}"
         text = f"{self.different} of {self.samples} samples differ, {runs}"
@@ -126,10 +145,12 @@ class Proof:
         rows = slice(0, first, self.stride)
         unequal = _unequal(python.command[rows], in_c.command[rows])
         unequal |= _unequal(python.state[rows], in_c.state[rows])
-        names = python.memory.dtype.names
-        assert names is not None
-        for name in names:
-            unequal |= _unequal(python.memory[name][rows], in_c.memory[name][rows])
+        # The Python law would have ended the run with another answer.
+        unequal |= answers_of(in_c)[rows] != 0
+        memory = np.ascontiguousarray(python.memory[rows])
+        numbers = memory.view(np.float64).reshape(len(memory), memory.dtype.itemsize // 8)
+        remembered = numbers[:, self.places]
+        unequal |= _unequal(remembered, remembered_by(in_c)[rows])
 
         # Samples that only one of them made.
         further = len(range(0, last, self.stride)) - len(unequal)
@@ -168,11 +189,12 @@ def prove(
     compiled: CompiledLaw,
     plants: int = 1000,
     advance: Callable[[str, int], None] = lambda text, by: None,
+    changed: CompiledLaw | None = None,
 ) -> Proof:
     """Run an exported law beside the Python law.
 
-    A law with its loop runs in the Python engine, where the C gets what is measured in place of
-    the state that the Python software has estimated.
+    A law alone is sampled at random states, too. A law with its loop runs in the Python engine,
+    where the C gets what is measured in place of the state that the Python software has estimated.
 
     Args:
         experiment: The case; its runs on each plant are compared, and judged.
@@ -181,6 +203,7 @@ def prove(
         plants: Number of random plants, of the case's ``[[uncertain]]`` tables or else of the
             system's campaign.
         advance: Told the progress: text and number of runs.
+        changed: The export with one digit changed, which must differ; None for no such check.
 
     Returns:
         The comparison.
@@ -190,7 +213,7 @@ def prove(
     """
     settings = experiment.settings
     stride = round(settings.control_period / settings.timestep)
-    proof = Proof(settings.timestep, stride)
+    proof = Proof(settings.timestep, stride, compared_places(law))
     in_c = in_simulation(law, compiled)
     proof.verdicts = _prove_on_case(proof, experiment, law, in_c, advance)
     if not proof.samples:
@@ -198,6 +221,11 @@ def prove(
             f"{law.controller.name}: no sample to compare: each run of the case ends at its start, "
             "where the law is not defined: start elsewhere"
         )
+
+    if law.loop is None:
+        _prove_at_random_states(proof, experiment, law, compiled)
+    if changed is not None:
+        proof.blind = not _notices(experiment, law, compiled, changed)
 
     uncertain = uncertain_experiment(experiment)
     if uncertain is None:
@@ -229,6 +257,39 @@ def _prove_on_case(
         verdicts += map(Verdict, *judgements)
         advance(f"{law.controller.name} on {name}", 1)
     return verdicts
+
+
+def _prove_at_random_states(
+    proof: Proof, experiment: Experiment, law: LawInC, compiled: CompiledLaw
+) -> None:
+    """Compare the laws alone at random states."""
+    compared = compare_at_samples(law, compiled, random_runs(experiment.x0, RANDOM_STATES))
+    proof.random_states = compared.samples
+    proof.samples += compared.samples
+    proof.different += compared.different
+
+
+def _notices(
+    experiment: Experiment, law: LawInC, compiled: CompiledLaw, changed: CompiledLaw
+) -> bool:
+    """Whether samples tell an export from the same with one digit changed.
+
+    A law alone is sampled at random states, one with its loop in the case's first run.
+    """
+    if law.loop is None:
+        runs = random_runs(experiment.x0, RANDOM_STATES)
+        ends = [False] * sum(map(len, runs))
+        own = c_answers(law, compiled, runs, ends)
+        other = c_answers(law, changed, runs, ends)
+        return not all(a.equals(b) for a, b in zip(own, other, strict=True))
+
+    name = next(iter(experiment.plant_names))
+    commands = []
+    for version in (compiled, changed):
+        in_c = in_simulation(law, version)
+        run = run_on(experiment, name, in_c.controller, experiment.plant(name), in_c.loop)
+        commands.append(run.trajectory.command)
+    return not np.array_equal(*commands, equal_nan=True)
 
 
 def _prove_on_random_plants(

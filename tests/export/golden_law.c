@@ -18,31 +18,18 @@
 #endif
 
 const struct law_in_c_numbers law_in_c_numbers = {
-    .plant = {
-        .J = 0.0577,
-        .B = 0.0088,
-        .Kt = 0.667,
-    },
-    .reference = {
-        .nothing = 0.0,
-    },
-    .K = {-0.9999999999999996, -1.069944426870997},
+    .K = {-0.9999999999999988, -1.069944426870997},
     .G = {0.0, -0.08650674662668663},
-    .S = {0.9999999999999993, 1.0831378301693477},
-    .GB = {0.9999999999999998},
+    .S = {0.9999999999999986, 1.0831378301693477},
     .GB_inverse = {1.0000000000000002},
     .GB_held = {0.9999999999999998},
     .size_of_GB = 0.9999999999999998,
     .switching = {
         .gain = 1.0,
-        .width = 2.0,
-        .slope = 100.0,
-        .share = 0.02,
-        .least = 0.01,
     },
     .eta = 0.6000000000000001,
     .gamma0 = 1.4992503748125934,
-    .gamma1 = 2.9483470346239518,
+    .gamma1 = 2.948347034623951,
     .k = 0.0,
     .epsilon = 0.0,
     .limit = INFINITY,
@@ -60,7 +47,7 @@ static void transformation(const double *x, double out[2])
     out[1] = x[1];
 }
 
-/* [symbolic.py:92] */
+/* [symbolic.py:88] */
 static void error_state(const double *x, double *z)
 {
     double transformation1_[2];
@@ -186,7 +173,6 @@ void law_in_c_init(struct law_in_c_memory *memory)
     *memory = (struct law_in_c_memory){
         .v = {0.0},
         .undefined = 0.0,
-        .workspace = 0.0,
         .begun = 0.0,
         .z = {0.0, 0.0},
         .s = {0.0},

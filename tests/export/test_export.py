@@ -18,9 +18,9 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.export.compiler import FLAGS, CompiledLaw, compile_law, find_compiler, write_law
 from grosmc_mj.export.law import UNDEFINED_INPUT, UNDEFINED_LAW, LawInC
 from grosmc_mj.export.proof import prove
+from grosmc_mj.export.samples import compare_at_samples
 from grosmc_mj.export.syntax import ExportError
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.ground.compilation.records import pack
 from grosmc_mj.ground.errors import SetupError
 from grosmc_mj.theory.control.controller import Controller, custom_controller
 from grosmc_mj.theory.control.switching import SWITCHINGS
@@ -91,21 +91,15 @@ def states_about_start(target: str) -> Array:
 
 def differing_samples(law: LawInC, compiled: CompiledLaw, x: Array) -> int:
     """Number of samples in which C and Python law differ in any bit of inputs or memory."""
-    controller = law.controller
-    memory = controller.memory()
-    in_c = pack(memory)
-    m = len(law.system.inputs)
-    different = 0
-    for k, state in enumerate(x):
-        t = k * law.period
-        expected = np.zeros(m)
-        written = np.zeros(m)
-        controller.law(t, state, memory, controller.parameters, expected)
-        memory.begun = 1.0
-        compiled.step(t, state, in_c, written)
-        same = np.array_equal(expected, written, equal_nan=True)
-        different += not (same and np.array_equal(pack(memory), in_c, equal_nan=True))
-    return different
+    return compare_at_samples(law, compiled, [x]).different
+
+
+def answer_at(law: LawInC, compiled: CompiledLaw, state: Any) -> int:
+    """Answer of the first step of a run."""
+    memory = np.zeros(len(law.memory.places))
+    x = np.array(state, float)
+    compiled.begin(memory, x)
+    return compiled.step(0.0, x, memory, np.zeros(len(law.system.inputs)))
 
 
 # Equality.
@@ -238,18 +232,14 @@ def test_the_file_is_the_one_that_was_reviewed() -> None:
 @needs_compiler
 def test_a_step_tells_that_the_law_is_not_defined(tmp_path: Path) -> None:
     law = law_of("cart_pendulum/case2", "fl-lqr")
-    step = compiled(law, tmp_path).step
-    memory = np.zeros(64)
-    u = np.zeros(1)
-    horizontal = np.array([0.0, math.pi / 2 + 0.1, 0.0, 0.0])
-    assert step(0.0, horizontal, memory, u) == UNDEFINED_LAW
+    beyond_horizontal = [0.0, math.pi / 2 + 0.1, 0.0, 0.0]
+    assert answer_at(law, compiled(law, tmp_path), beyond_horizontal) == UNDEFINED_LAW
 
 
 @needs_compiler
 def test_a_step_tells_that_an_input_is_not_finite(tmp_path: Path) -> None:
     law = law_of("servo/case1", "lqr")
-    step = compiled(law, tmp_path).step
-    assert step(0.0, np.array([math.nan, 0.0]), np.zeros(64), np.zeros(1)) == UNDEFINED_INPUT
+    assert answer_at(law, compiled(law, tmp_path), [math.nan, 0.0]) == UNDEFINED_INPUT
 
 
 # Laws of one's own.
@@ -566,8 +556,8 @@ def test_operators_mean_in_c_what_they_mean_in_python(
 @needs_compiler
 @pytest.mark.parametrize("x", [math.nan, math.inf, 1e300])
 def test_a_step_tells_that_there_is_no_such_whole_number(x: float, tmp_path: Path) -> None:
-    step = compiled(of_ones_own(_negative_remainder), tmp_path).step
-    assert step(0.0, np.array([x, 0.0]), np.zeros(64), np.zeros(1)) == UNDEFINED_LAW
+    law = of_ones_own(_negative_remainder)
+    assert answer_at(law, compiled(law, tmp_path), [x, 0.0]) == UNDEFINED_LAW
 
 
 def _refused_type(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:

@@ -72,7 +72,8 @@ def test_an_fmu_makes_the_samples_of_the_law(real: str, parts: int, tmp_path: Pa
     u = simulated(law, tmp_path, np.zeros(2), signals, law.period / parts)
 
     in_c = compiled(law, tmp_path)
-    memory = np.zeros(law.memory_size)
+    memory = np.zeros(len(law.memory.places))
+    in_c.begin(memory, x[0])
     for k in range(SAMPLES):
         expected = np.zeros(1)
         in_c.step(k * law.period, x[k], memory, expected)
@@ -89,7 +90,7 @@ def test_an_fmu_of_a_loop_reads_what_sensors_measure(tmp_path: Path) -> None:
     u = simulated(law, tmp_path, start, signals, law.period)
 
     in_c = compiled(law, tmp_path)
-    memory = np.zeros(law.memory_size)
+    memory = np.zeros(len(law.memory.places))
     in_c.begin(memory, start)
     assert law.loop is not None
     ticks = round(law.period / law.loop.timestep)

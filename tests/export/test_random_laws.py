@@ -50,7 +50,9 @@ def samples(law: LawInC, folder: Path, flags: list[str]) -> Iterator[tuple[Array
     compiled = compile_law(law, folder, COMPILER, flags)
     controller = law.controller
     memory: Any = controller.memory()
-    in_c = pack(memory)
+    places = law.memory.places
+    in_c = np.zeros(len(places))
+    compiled.begin(in_c, states()[0])
     for k, x in enumerate(states()):
         expected = np.zeros(1)
         written = np.zeros(1)
@@ -62,7 +64,7 @@ def samples(law: LawInC, folder: Path, flags: list[str]) -> Iterator[tuple[Array
             return
         memory.begun = 1.0
         compiled.step(t, x, in_c, written)
-        yield np.append(pack(memory), expected), np.append(in_c, written)
+        yield np.append(pack(memory)[places], expected), np.append(in_c, written)
 
 
 def equal(a: Array, b: Array) -> bool:

@@ -32,9 +32,10 @@ class ExportCommand(AnsweringCommand):
     structure of what the law remembers and a constant one of its numbers, with their units.
 
     With a C compiler the law is compiled here and run in place of the Python law, on each plant of
-    the case and on random plants of its [[uncertain]] tables (or of the system's campaign): it is
-    equal to the last bit, or the largest difference is told, and the verdicts under both. Without a
-    compiler the C is not proven, and says so.
+    the case, on random plants of its [[uncertain]] tables (or of the system's campaign) and at
+    random states: it is equal to the last bit, or the largest difference is told, and the verdicts
+    under both. A copy with one digit changed must differ, or nothing is proven. Without a compiler
+    the C is not proven, and says so.
 
     With --fmu the same C is packed as a source FMU (FMI 2.0, co-simulation), too.
 
@@ -142,6 +143,7 @@ class _ExportQuestion(Question):
 
     def _proven(self) -> Proof | None:
         """Run the law beside the Python law; None without a compiler."""
+        from grosmc_mj.export.changed_digit import compile_changed
         from grosmc_mj.export.compiler import compile_law, find_compiler, write_law
         from grosmc_mj.export.proof import RANDOM_LOOPS, prove, uncertain_experiment
 
@@ -153,11 +155,13 @@ class _ExportQuestion(Question):
             plants = RANDOM_LOOPS if self._command.loop else 1000
         if uncertain_experiment(self._experiment) is None:
             plants = 0
-        with tempfile.TemporaryDirectory() as folder:
-            write_law(self._law, Path(folder))
-            compiled = compile_law(self._law, Path(folder), compiler)
+        law = self._law
+        with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as other:
+            write_law(law, Path(folder))
+            compiled = compile_law(law, Path(folder), compiler)
+            changed = compile_changed(law, Path(other), compiler)
             with screen.progress(len(self._experiment.plant_names) + plants) as advance:
-                return prove(self._experiment, self._law, compiled, plants, advance)
+                return prove(self._experiment, law, compiled, plants, advance, changed)
 
     def result(self, *, complete: bool) -> Result | None:
         """Return the proof, once the law is written."""
@@ -177,4 +181,5 @@ class _ExportQuestion(Question):
         proof = self._proof
         if proof is None:
             return True
-        return not proof.overturned and (self._law.real != "double" or proof.equal)
+        proven = proof.equal or self._law.real != "double"
+        return proven and not proof.blind and not proof.overturned

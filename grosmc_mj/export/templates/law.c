@@ -20,11 +20,11 @@
 #pragma STDC FP_CONTRACT OFF
 #endif
 
+{% if law.numbers.members %}
 const struct {{ law.name }}_numbers {{ law.name }}_numbers = {
-{{ law.controller.parameters | initial(law.real) }}
+{{ law.numbers.initial() }}
 };
 
-{% if "p->" in functions %}
 static const struct {{ law.name }}_numbers *const p = &{{ law.name }}_numbers;
 
 {% endif %}
@@ -36,7 +36,7 @@ static const struct {{ law.name }}_numbers *const p = &{{ law.name }}_numbers;
 {{ prototypes.init }}
 {
     *memory = (struct {{ law.name }}_memory){
-{{ law.remembered | initial(law.real, 2) }}
+{{ law.memory.initial(2) }}
     };
 {% for place, state in settled %}
     memory->{{ place }} = start[{{ state }}];
@@ -55,7 +55,7 @@ static const struct {{ law.name }}_numbers *const p = &{{ law.name }}_numbers;
     (void){{ name }};
 {% endfor %}
     {{ step.name }}({{ step.arguments | join(", ") }});
-{% if not law.loop %}
+{% if not law.loop and "memory->begun" in functions %}
     memory->begun = 1;
 {% endif %}
     if ({{ law.undefined }} != 0) {

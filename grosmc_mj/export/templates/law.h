@@ -5,12 +5,14 @@
 #ifndef {{ law.name | upper }}_H
 #define {{ law.name | upper }}_H
 
+{% if law.numbers.members %}
 /* Numbers of the law. */
-{{ law.controller.parameters | definition(law.name ~ "_numbers", law.real) }}
+{{ law.numbers.definition }}
 extern const struct {{ law.name }}_numbers {{ law.name }}_numbers;
 
+{% endif %}
 /* What the law remembers from one sample to the next. */
-{{ law.remembered | definition(law.name ~ "_memory", law.real) }}
+{{ law.memory.definition }}
 {% filter comment %}
 Begin a run.
 {% if law.loop %}

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from grosmc_mj.studies.tolerance.trials import Trial, Trials
 
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.requirements.judging import Judgement
@@ -12,7 +13,6 @@ from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.studies.campaign.batch import evaluate
 from grosmc_mj.studies.campaign.campaign import Campaign
 from grosmc_mj.studies.tolerance.tolerance import tolerance_study
-from grosmc_mj.studies.tolerance.trials import Trial, Trials
 
 # A push moves the rotor from where it shall be; without `band` there is no error to be a share of.
 AT_REST = """
