@@ -24,7 +24,6 @@ from grosmc_mj.mechanics.physics.hooks import (
     refuse_foreign_callback,
     warnings_counted_only,
 )
-from grosmc_mj.simulation.accumulator import Accumulator
 from grosmc_mj.simulation.guard import Guard, guard
 from grosmc_mj.simulation.kernel import (
     ANSWER,
@@ -41,7 +40,7 @@ from grosmc_mj.simulation.kernel import (
 from grosmc_mj.simulation.law_inputs import LawError, all_finite, compiling, sample_law
 from grosmc_mj.simulation.loop.applied import ideal_loop
 from grosmc_mj.simulation.loop.software import ADVANCE
-from grosmc_mj.simulation.problem import Problem, Record
+from grosmc_mj.simulation.problem import Accumulator, Problem, Record
 from grosmc_mj.simulation.python_engine import ClosedLoop, kernel_run, start
 from grosmc_mj.simulation.steppers import Stepper, Steppers, shared_model
 from grosmc_mj.simulation.trajectory import Status

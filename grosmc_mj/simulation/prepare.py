@@ -15,13 +15,11 @@ from grosmc_mj.ground.compilation.records import record_dtype
 from grosmc_mj.ground.errors import ArgumentError, value_text
 from grosmc_mj.ground.fields import Check, Flag, Is, Items, Range, checked_call
 from grosmc_mj.ground.refusals import refusal
-from grosmc_mj.simulation.accumulator import Accumulator
 from grosmc_mj.simulation.disturbances import AnyDisturbance, RateDisturbance
 from grosmc_mj.simulation.loop.applied import AppliedLoop, apply_loop
 from grosmc_mj.simulation.loop.loop import Loop
 from grosmc_mj.simulation.loop.timing import LONGEST, SHORTEST, ControlPeriod, stride_of
-from grosmc_mj.simulation.memory import require_memory
-from grosmc_mj.simulation.problem import Problem
+from grosmc_mj.simulation.problem import Accumulator, Problem, require_memory
 from grosmc_mj.theory.control.controller import Controller
 from grosmc_mj.theory.plants import Plant, System
 

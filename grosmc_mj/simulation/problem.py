@@ -1,22 +1,53 @@
-"""A simulation that has been checked and is ready to run, and the rows that an engine writes."""
+"""What is to be run, with its metrics, and what an engine writes of it.
+
+``Problem`` has been checked and is ready to run; ``Record`` has its rows, which need memory.
+"""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.compilation.records import pack, record_dtype
-from grosmc_mj.simulation.accumulator import Accumulator
+from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.simulation.disturbances import AnyDisturbance, packed, widths
 from grosmc_mj.simulation.loop.applied import AppliedLoop
 from grosmc_mj.theory.control.controller import Controller
 from grosmc_mj.theory.plants import Plant, System
+
+_GB = 1e9
+# Share of the machine's memory from which on a command says what its runs take.
+_MUCH = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Accumulator:
+    """Metrics that the engines accumulate at each timestep of a run.
+
+    Attributes:
+        note: Jitable (t, x, u, memory, p, values, numbers): accumulate the timestep that begins at
+            t [s] in the state x, (n,), under the input u, (m,), of the law with memory and p. It
+            changes ``values`` in place and reads ``numbers``.
+        start: ``values`` as a run begins, a dataclass of numbers and arrays.
+        numbers: Constants of the run, a dataclass of numbers and arrays.
+    """
+
+    note: Callable[[float, Any, Any, Any, Any, Any, Any], None]
+    start: Any
+    numbers: Any
+
+    @property
+    def kind(self) -> tuple[Any, ...]:
+        """Properties shared by the runs of one batch."""
+        return self.note, record_dtype(self.start), record_dtype(self.numbers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,3 +217,54 @@ def _packed_start(accumulator: Accumulator | None) -> Array:
     if accumulator is None:
         return np.zeros(0)
     return pack(accumulator.start)
+
+
+# -- memory of recorded runs ----------------------------------------------------------------------
+
+
+def machine_memory() -> int | None:
+    """Return the memory of the machine [byte]; None where the system does not tell."""
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):
+        return None
+
+
+def memory_words(size: int, runs: int, steps: int) -> str:
+    """Return a clause on the memory that recorded runs take.
+
+    Args:
+        size: Size of their records [byte].
+        runs: Number of runs.
+        steps: Timesteps of each.
+    """
+    of_runs = f"the record of a run of {steps:,} timesteps takes"
+    if runs > 1:
+        of_runs = f"the records of {runs:,} runs of {steps:,} timesteps take"
+    return f"{of_runs} at least {size / _GB:.3g} GB of memory"
+
+
+def is_much_memory(size: int) -> bool:
+    """Whether records of a size [byte] take so much of the machine's memory that one is told."""
+    total = machine_memory()
+    return total is not None and size > _MUCH * total
+
+
+def require_memory(size: int, runs: int, steps: int) -> None:
+    """Refuse recorded runs that do not fit into the machine's memory.
+
+    Args:
+        size: Size of their records [byte].
+        runs: Number of runs.
+        steps: Timesteps of each.
+
+    Raises:
+        ArgumentError: If the machine has less memory.
+    """
+    total = machine_memory()
+    if total is None or size <= total:
+        return
+    raise ArgumentError(
+        f"{memory_words(size, runs, steps)}, and this machine has {total / _GB:.3g} GB: take a "
+        "shorter duration, a longer timestep or fewer runs at once"
+    )

@@ -10,12 +10,11 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, DivergenceError, UndefinedLawError, unknown_name
-from grosmc_mj.simulation.accumulator import Accumulator
 from grosmc_mj.simulation.disturbances import AnyDisturbance
 from grosmc_mj.simulation.loop import AppliedLoop, Loop
 from grosmc_mj.simulation.native_engine import run_native
 from grosmc_mj.simulation.prepare import prepare
-from grosmc_mj.simulation.problem import Problem, Record
+from grosmc_mj.simulation.problem import Accumulator, Problem, Record
 from grosmc_mj.simulation.python_engine import run_python
 from grosmc_mj.simulation.trajectory import Status, Trajectory, why_ended
 from grosmc_mj.theory.control.controller import Controller

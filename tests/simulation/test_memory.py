@@ -12,8 +12,8 @@ from grosmc_mj import cli
 from grosmc_mj.cli.commands import run as run_command
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.ground.errors import ArgumentError
-from grosmc_mj.simulation import memory
-from grosmc_mj.simulation.memory import machine_memory
+from grosmc_mj.simulation import problem
+from grosmc_mj.simulation.problem import machine_memory
 
 SERVO = Experiment.load("servo/nominal")
 
@@ -37,7 +37,7 @@ def test_a_machine_has_more_memory_than_a_record_of_a_second() -> None:
 
 def test_runs_that_do_not_fit_into_memory_are_refused(monkeypatch: Patch) -> None:
     # More than the signals of one run, less than those of 20.
-    monkeypatch.setattr(memory, "machine_memory", lambda: 1_000_000)
+    monkeypatch.setattr(problem, "machine_memory", lambda: 1_000_000)
     assert len(simulated(1, record=True).time) == 1001
     assert len(simulated(20, record=False)) == 20
     words = r"20 runs of 1,000 timesteps take at least .* this machine has 0.001 GB"
@@ -46,7 +46,7 @@ def test_runs_that_do_not_fit_into_memory_are_refused(monkeypatch: Patch) -> Non
 
 
 def test_a_machine_that_does_not_tell_refuses_nothing(monkeypatch: Patch) -> None:
-    monkeypatch.setattr(memory, "machine_memory", lambda: None)
+    monkeypatch.setattr(problem, "machine_memory", lambda: None)
     assert len(simulated(20, record=True)) == 20
 
 
@@ -65,7 +65,7 @@ def test_the_command_says_what_runs_take_before_they_begin(
     total: int, code: int, tmp_path: Path, capsys: Screen, monkeypatch: Patch
 ) -> None:
     monkeypatch.setattr(run_command, "_LONG", 0)
-    monkeypatch.setattr(memory, "machine_memory", lambda: total)
+    monkeypatch.setattr(problem, "machine_memory", lambda: total)
     target = ("servo/case1", "--no-figures", "--out", tmp_path)
     assert run("run", *target) == (cli.WRONG if code == 2 else cli.DONE)
     said = capsys.readouterr().err

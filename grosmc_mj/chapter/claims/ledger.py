@@ -197,9 +197,6 @@ def cited_claims(experiment: Experiment) -> dict[str, Claim]:
     if not cited:
         return {}
 
-    # Imported late: the claims need many modules, and most files name no claim.
-    from grosmc_mj.chapter.claims.ledger import find_claim
-
     try:
         return {table.id: find_claim(table.id) for table in cited}
     except ArgumentError as error:

@@ -223,7 +223,7 @@ def _require_memory(experiment: Experiment) -> None:
     Raises:
         ArgumentError: If the machine has less memory.
     """
-    from grosmc_mj.simulation.memory import is_much_memory, memory_words, require_memory
+    from grosmc_mj.simulation.problem import is_much_memory, memory_words, require_memory
 
     # Shorter runs take some MB, and this prepares each of them.
     if experiment.steps < _LONG:
@@ -241,9 +241,10 @@ def _check(experiment: Experiment) -> None:
     They are unknown claims, wrong [[uncertain]] tables, as a campaign would refuse them, and
     requirements none of which can be judged: nothing would be kept or failed.
     """
-    from grosmc_mj.chapter.claims.ledger import cited_claims
+    if experiment.file.claim:
+        from grosmc_mj.chapter.claims.ledger import cited_claims
 
-    cited_claims(experiment)
+        cited_claims(experiment)
     if experiment.file.uncertain:
         from grosmc_mj.studies.sweep.family import family_of
 

@@ -20,7 +20,7 @@ from grosmc_mj.experiments.requirements.accumulator import (
 from grosmc_mj.experiments.requirements.metrics import DWELL, SETTLING_BAND, MeasuredSignal
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.simulation.accumulator import Accumulator
+from grosmc_mj.simulation.problem import Accumulator
 from grosmc_mj.theory.control.controller import Controller
 
 

@@ -19,8 +19,7 @@ from grosmc_mj.mechanics.machine.part import (
     not_negative,
     positive,
 )
-from grosmc_mj.mechanics.physics.constraints import STIFFEST
-from grosmc_mj.mechanics.physics.dry_friction import set_dry_friction
+from grosmc_mj.mechanics.physics.dry_friction import STIFFEST, set_dry_friction
 from grosmc_mj.mechanics.physics.edit import HiddenState
 from grosmc_mj.mechanics.physics.edits import linear_polynomial, write_inertia
 from grosmc_mj.mechanics.physics.files import compile_spec

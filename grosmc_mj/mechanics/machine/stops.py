@@ -12,7 +12,7 @@ from grosmc_mj.ground.errors import ArgumentError, ModelError
 from grosmc_mj.ground.fields import Name, Range, Vector, checked
 from grosmc_mj.mechanics.machine.bounces import solref, spring_and_damper
 from grosmc_mj.mechanics.machine.part import MachinePart, Oscillation, positive, signed
-from grosmc_mj.mechanics.physics.constraints import STIFFEST
+from grosmc_mj.mechanics.physics.dry_friction import STIFFEST
 from grosmc_mj.mechanics.physics.edits import COLOUR
 from grosmc_mj.theory.plants import System
 from grosmc_mj.theory.plants.owner_units import ANGLE

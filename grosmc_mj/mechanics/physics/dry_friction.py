@@ -15,8 +15,9 @@ import math
 
 import mujoco
 
-from grosmc_mj.mechanics.physics.constraints import STIFFEST
-
+# ``solimp`` with MuJoCo's largest impedance at every depth: a constraint moves as its spring and
+# damper say.
+STIFFEST = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 # MuJoCo takes two timesteps for any shorter time constant: a joint stops within two of them.
 _TIME_CONSTANT = 1e-9
 
