@@ -103,7 +103,7 @@ def play(
             now = time.perf_counter()
             due += speed * min(now - before, LONGEST)
             if not stopped:
-                pull = data.xfrc_applied[closed_loop.run.bodies].ravel()
+                pull = data.xfrc_applied[closed_loop.run.plant.bodies].ravel()
                 steps = int(due / problem.timestep + 1e-6)
                 stopped = _advance(closed_loop, problem, steps, pull)
 

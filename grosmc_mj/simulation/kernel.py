@@ -15,19 +15,15 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.compilation.compiler import compile_c
 from grosmc_mj.ground.compilation.jitable import jitable
 from grosmc_mj.ground.compilation.structures import (
     Matrix,
     Vector,
-    laid_out,
     members_at,
     structure_at,
-    structure_of,
 )
 from grosmc_mj.simulation.disturbances import disturb
-from grosmc_mj.simulation.guard import Guard
 from grosmc_mj.simulation.loop.actuators import actuate
 from grosmc_mj.simulation.loop.applied import LoopRun
 from grosmc_mj.simulation.loop.computer import send
@@ -58,11 +54,67 @@ STEP = types.void(_INT, _INT)
 READ = types.void(_INT, _INT, _INT, _INT)
 
 
-class KernelRun(NamedTuple):
-    """One run for ``run_of``.
+class PlantRun(NamedTuple):
+    """A plant in a run; its stepper makes it.
 
-    ``model``, ``data`` and ``physics`` are Python objects where the kernel is not compiled, else
-    addresses; so are the functions.
+    ``model`` and ``data`` are Python objects where the kernel is not compiled, else addresses; so
+    are the functions.
+
+    Attributes:
+        step: Advances the plant: (model, data).
+        read: Writes mjSTATE_FULLPHYSICS: (model, data, address, kind of state).
+        model: Model of the plant: mjModel, or the numbers of equations.
+        data: State of the plant: mjData, or the state of equations.
+        q: Positions of the plant; of equations the whole state.
+        v: Velocities of the plant; of equations nothing.
+        u: Inputs of the plant, (m,).
+        warnings: Counts of reasons why the state has diverged, in every other entry.
+        bodies: Rows of ``forces`` of the system's bodies.
+        forces: Wrenches that act on the plant, (rows, 6).
+        rates: Rates that are added to those of the states, (n,); of equations only.
+    """
+
+    step: Annotated[Any, types.FunctionType(STEP)]
+    read: Annotated[Any, types.FunctionType(READ)]
+    model: Annotated[Any, _INT]
+    data: Annotated[Any, _INT]
+    q: Vector
+    v: Vector
+    u: Vector
+    warnings: Annotated[NDArray[np.int32], types.Array(types.int32, 1, "C")]
+    bodies: Annotated[NDArray[np.int64], _INTEGERS]
+    forces: Matrix
+    rates: Vector
+
+
+class DisturbanceRun(NamedTuple):
+    """Disturbances in a run.
+
+    Attributes:
+        numbers: Numbers of the disturbances, (count, NUMBERS).
+        values: Values of disturbances without a formula, flat.
+        sums: Sums of the disturbances; the next four are views of it, and empty where nothing is
+            disturbed.
+        w: Wrench on each of the bodies, flat.
+        input_disturbance: Disturbance of each input, (m,).
+        output_disturbance: Disturbance of each state as it is measured, (n,).
+        rate_disturbance: Disturbance of the rate of each state, (n,).
+    """
+
+    numbers: Matrix
+    values: Vector
+    sums: Vector
+    w: Vector
+    input_disturbance: Vector
+    output_disturbance: Vector
+    rate_disturbance: Vector
+
+
+class KernelRun(NamedTuple):
+    """One run for ``run_of``: what is told of it, and its memory.
+
+    ``physics`` and the functions are Python objects where the kernel is not compiled, else
+    addresses.
 
     Attributes:
         address: Address of this structure, for ``law`` and ``note``.
@@ -72,40 +124,23 @@ class KernelRun(NamedTuple):
         stride: Timesteps in a control period.
         h: Timestep [s].
         period: Control period [s].
-        step: Advances the plant: (model, data).
-        read: Writes mjSTATE_FULLPHYSICS: (model, data, address, kind of state).
+        plant: Plant.
+        disturbances: Disturbances of it.
         law: Samples the law, see ``LAW``; returns ``ANSWERED`` or the reason why there is no input.
         note: Accumulates metrics at each timestep, see ``NOTE``.
-        model: Model of the plant: mjModel, or the numbers of equations.
-        data: State of the plant: mjData, or the state of equations.
-        physics: Memory for mjSTATE_FULLPHYSICS.
-        width: Distance from one row of it to the next; 0 if it is not kept.
-        q: Positions of the plant; of equations the whole state.
-        v: Velocities of the plant; of equations nothing.
-        u: Inputs of the plant, (m,).
-        warnings: Counts of reasons why the state has diverged, in every other entry.
-        disturbances: Numbers of the disturbances, (count, NUMBERS).
-        values: Values of disturbances without a formula, flat.
-        bodies: Rows of ``forces`` of the system's bodies.
-        forces: Wrenches that act on the plant, (rows, 6).
-        rates: Rates that are added to those of the states, (n,); of equations only.
-        now: Recorded signals; ``engine_time`` to ``given`` are views of it.
+        now: Recorded signals; the next five, and those of ``disturbances``, are views of it.
         engine_time: Time as MuJoCo adds it up [s], (1,).
         x: True state, (n,).
         command: Output of the law, (m,).
         memory: Memory of the law, flat.
-        disturbed: Sums of the disturbances; the next four are views of it, and empty where
-            nothing is disturbed.
-        w: Wrench on each of the bodies, flat.
-        input_disturbance: Disturbance of each input, (m,).
-        output_disturbance: Disturbance of each state as it is measured, (n,).
-        rate_disturbance: Disturbance of the rate of each state, (n,).
         given: Output of the actuators of a loop, (m,); nothing without a loop.
         seen: State that the law gets, (n,).
         p: Numbers of the law, flat.
         accumulated: Values of the accumulator, flat; nothing without one.
         accumulator_numbers: Constants of ``note``, flat.
         rows: ``now`` after the kept steps of all runs, (rows, at least its size).
+        physics: Memory for mjSTATE_FULLPHYSICS.
+        width: Distance from one row of it to the next; 0 if it is not kept.
         loop: Sensors, computer, estimators and actuators between law and plant.
     """
 
@@ -115,56 +150,36 @@ class KernelRun(NamedTuple):
     stride: int
     h: float
     period: float
-    step: Annotated[Any, types.FunctionType(STEP)]
-    read: Annotated[Any, types.FunctionType(READ)]
+    plant: PlantRun
+    disturbances: DisturbanceRun
     law: Annotated[Any, types.FunctionType(LAW)]
     note: Annotated[Any, types.FunctionType(NOTE)]
-    model: Annotated[Any, _INT]
-    data: Annotated[Any, _INT]
-    physics: Annotated[Any, _INT]
-    width: int
-    q: Vector
-    v: Vector
-    u: Vector
-    warnings: Annotated[NDArray[np.int32], types.Array(types.int32, 1, "C")]
-    disturbances: Matrix
-    values: Vector
-    bodies: Annotated[NDArray[np.int64], _INTEGERS]
-    forces: Matrix
-    rates: Vector
     now: Vector
     engine_time: Vector
     x: Vector
     command: Vector
     memory: Vector
-    disturbed: Vector
-    w: Vector
-    input_disturbance: Vector
-    output_disturbance: Vector
-    rate_disturbance: Vector
     given: Vector
     seen: Vector
     p: Vector
     accumulated: Vector
     accumulator_numbers: Vector
     rows: Matrix
+    physics: Annotated[Any, _INT]
+    width: int
     loop: LoopRun
 
 
 @jitable
-def act_on_plant(
-    w: Array,
-    bodies: NDArray[np.int64],
-    forces: Array,
-    rate_disturbance: Array,
-    rates: Array,
-) -> None:
+def act_on_plant(disturbances: DisturbanceRun, plant: PlantRun) -> None:
     """Bring wrenches on bodies and rates of states, or none of them, to the plant."""
+    w = disturbances.w
+    rates = disturbances.rate_disturbance
     for k in range(len(w) // 6):
         for j in range(6):
-            forces[bodies[k], j] = w[6 * k + j]
-    for j in range(len(rate_disturbance)):
-        rates[j] = rate_disturbance[j]
+            plant.forces[plant.bodies[k], j] = w[6 * k + j]
+    for j in range(len(rates)):
+        plant.rates[j] = rates[j]
 
 
 # One function serves all runs, and is compiled once.
@@ -180,9 +195,14 @@ def run_of(*, looped: bool) -> Callable[[KernelRun], None]:
     @jitable
     def run(r: KernelRun) -> None:
         """Make the timesteps of a run from ``NEXT_STEP`` to before ``LAST_STEP``."""
-        x, u, q, v, progress = r.x, r.u, r.q, r.v, r.progress
+        plant = r.plant
+        disturbances = r.disturbances
+        progress = r.progress
+        x, u, q, v = r.x, plant.u, plant.q, plant.v
         world, measured, software = r.loop
-        disturbed = len(r.disturbed) > 0
+        disturbed = len(disturbances.sums) > 0
+        output_disturbance = disturbances.output_disturbance
+        input_disturbance = disturbances.input_disturbance
         n = len(x)
         m = len(u)
         nq = len(q)
@@ -192,11 +212,12 @@ def run_of(*, looped: bool) -> Callable[[KernelRun], None]:
         due = sample * r.stride
         for i in range(first, progress[LAST_STEP]):
             if disturbed:
-                disturb(r.disturbances, r.values, i, i * r.h, r.h, r.disturbed)
-                act_on_plant(r.w, r.bodies, r.forces, r.rate_disturbance, r.rates)
+                numbers, values, sums = disturbances.numbers, disturbances.values, disturbances.sums
+                disturb(numbers, values, i, i * r.h, r.h, sums)
+                act_on_plant(disturbances, plant)
 
             if looped:
-                remember(i, x, r.output_disturbance, world)
+                remember(i, x, output_disturbance, world)
                 due = int(world.computer[0].due)
 
             # A sample.
@@ -210,8 +231,8 @@ def run_of(*, looped: bool) -> Callable[[KernelRun], None]:
                     due += r.stride
                     for j in range(n):
                         r.seen[j] = x[j]
-                    for j in range(len(r.output_disturbance)):
-                        r.seen[j] += r.output_disturbance[j]
+                    for j in range(len(output_disturbance)):
+                        r.seen[j] += output_disturbance[j]
 
                 answer = r.law(t, r.address)
                 if answer != ANSWERED:
@@ -235,16 +256,16 @@ def run_of(*, looped: bool) -> Callable[[KernelRun], None]:
                 r.note(i * r.h, r.address)
 
             # Metrics and the next timestep have the input without its disturbance.
-            if len(r.input_disturbance) > 0:
+            if len(input_disturbance) > 0:
                 for j in range(m):
-                    u[j] += r.input_disturbance[j]
-                r.step(r.model, r.data)
+                    u[j] += input_disturbance[j]
+                plant.step(plant.model, plant.data)
                 for j in range(m):
                     u[j] = r.given[j] if looped else r.command[j]
             else:
-                r.step(r.model, r.data)
-            for j in range(0, len(r.warnings), 2):
-                if r.warnings[j] != 0:
+                plant.step(plant.model, plant.data)
+            for j in range(0, len(plant.warnings), 2):
+                if plant.warnings[j] != 0:
                     progress[NEXT_STEP] = i
                     progress[ANSWER] = _DIVERGED
                     return
@@ -259,7 +280,8 @@ def run_of(*, looped: bool) -> Callable[[KernelRun], None]:
                 for j in range(len(r.now)):
                     r.rows[row, j] = r.now[j]
                 if r.width > 0:
-                    r.read(r.model, r.data, r.physics + row * r.width, _FULL_PHYSICS)
+                    place = r.physics + row * r.width
+                    plant.read(plant.model, plant.data, place, _FULL_PHYSICS)
 
         progress[NEXT_STEP] = progress[LAST_STEP]
 
@@ -270,7 +292,7 @@ def run_of(*, looped: bool) -> Callable[[KernelRun], None]:
 # members that a law, a metric and a design model read and write.
 law_members_at = members_at(KernelRun, "x", "seen", "command", "memory", "p")
 note_members_at = members_at(
-    KernelRun, "x", "u", "memory", "p", "accumulated", "accumulator_numbers"
+    KernelRun, "x", "plant.u", "memory", "p", "accumulated", "accumulator_numbers"
 )
 advance_members_at = members_at(Software, "memory", "p", "own")
 _run_at = structure_at(KernelRun)
@@ -290,36 +312,3 @@ def kernel(*, looped: bool) -> Any:
         run(_run_at(address))
 
     return compile_c(entry, types.voidptr, types.voidptr, types.int32, types.voidptr)
-
-
-class CompiledRun:
-    """Memory for runs in compiled code, one after the other; it keeps their arrays alive.
-
-    Args:
-        r: Run with addresses of functions, model, data and states.
-        looped: Whether it has a loop that is not ideal.
-
-    Attributes:
-        r: The run; arrays that ``put`` has replaced are in the memory only.
-    """
-
-    def __init__(self, r: KernelRun, *, looped: bool) -> None:
-        self.r = r
-        self._structure = structure_of(r)
-        self._address = self._structure.ctypes.data
-        self._kernel = kernel(looped=looped).address
-
-        self._structure["address"] = self._address
-        software = self._structure["loop"]["software"]
-        software["address"] = software.ctypes.data
-
-    def put(self, **arrays: Array) -> None:
-        """Replace arrays by others, which the caller keeps alive."""
-        for name, array in arrays.items():
-            self._structure[name][0] = laid_out(array)
-
-    def advance(self, last: int, guard: Guard) -> bool:
-        """Make timesteps up to ``last`` without Python's lock; False if the run has ended."""
-        self.r.progress[LAST_STEP] = last
-        guard.call(self._kernel, self._address)
-        return bool(self.r.progress[ANSWER] == ANSWERED)

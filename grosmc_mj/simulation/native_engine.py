@@ -17,7 +17,7 @@ from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.compilation.compiler import compile_c, fingerprint
 from grosmc_mj.ground.compilation.jitable import is_users_function, jitable
 from grosmc_mj.ground.compilation.records import pack, record_dtype
-from grosmc_mj.ground.compilation.structures import local_copy, record_at, structure_of
+from grosmc_mj.ground.compilation.structures import laid_out, local_copy, record_at, structure_of
 from grosmc_mj.ground.errors import ArgumentError, SetupError
 from grosmc_mj.mechanics.physics.hooks import (
     clock_suspended,
@@ -28,10 +28,10 @@ from grosmc_mj.simulation.guard import Guard, guard
 from grosmc_mj.simulation.kernel import (
     ANSWER,
     ANSWERED,
+    LAST_STEP,
     LAW,
     NEXT_STEP,
     NOTE,
-    CompiledRun,
     advance_members_at,
     kernel,
     law_members_at,
@@ -41,7 +41,8 @@ from grosmc_mj.simulation.law_inputs import LawError, all_finite, compiling, sam
 from grosmc_mj.simulation.loop.applied import ideal_loop
 from grosmc_mj.simulation.loop.software import ADVANCE
 from grosmc_mj.simulation.problem import Accumulator, Problem, Record
-from grosmc_mj.simulation.python_engine import ClosedLoop, kernel_run, start
+from grosmc_mj.simulation.python_engine import ClosedLoop
+from grosmc_mj.simulation.run_memory import RunMemory
 from grosmc_mj.simulation.steppers import Stepper, Steppers, shared_model
 from grosmc_mj.simulation.trajectory import Status
 from grosmc_mj.theory.control.controller import Controller
@@ -133,7 +134,7 @@ class _Batch:
         self._compile(problem)
         self._first_steppers = Steppers(problem.timestep)
         stepper = self._first_steppers.of(problem.plants[0])
-        stepper.addresses()
+        stepper.compiled()
         self.record = Record.empty(problem, stepper.recorded_size)
         # The arrays of an ideal loop are empty and serve all runs.
         self._ideal_loop = ideal_loop(problem.x0.shape[1], len(problem.system.inputs))
@@ -190,8 +191,96 @@ class _Batch:
             thread.result()
 
 
+class _CompiledMemory(RunMemory):
+    """Memory for runs in compiled code; it keeps their arrays alive.
+
+    Args:
+        batch: Simulations.
+        number: Number of the first one.
+        stepper: Stepper of their plants.
+    """
+
+    def __init__(self, batch: _Batch, number: int, stepper: Stepper) -> None:
+        problem = batch.problem
+        record = batch.record
+        super().__init__(
+            problem,
+            number,
+            record,
+            stepper,
+            stepper.compiled(),
+            law=batch.law,
+            note=batch.note,
+            p=batch.numbers[problem.controllers[number]].copy(),
+            physics=record.rows.ctypes.data + 8 * problem.width,
+            width=record.rows.strides[1] if stepper.recorded_size else 0,
+        )
+        self._batch = batch
+        self._room = self._needed(number)
+        self.run = self.run._replace(loop=self._loop(number))
+
+        self._structure = structure_of(self.run)
+        self._address = self._structure.ctypes.data
+        self._structure["address"] = self._address
+        software = self._structure["loop"]["software"]
+        software["address"] = software.ctypes.data
+        self._kernel = kernel(looped=problem.looped).address
+
+    def _needed(self, number: int) -> Any:
+        """Sizes of the loop of a simulation."""
+        loop = self.problem.loops[number]
+        return loop and loop.sizes
+
+    def fits(self, number: int, stepper: Stepper) -> bool:
+        """Whether there is room for a simulation on a stepper."""
+        return stepper is self.stepper and self._needed(number) == self._room
+
+    def _loop(self, number: int) -> Any:
+        """Loop of the first simulation."""
+        applied = self.problem.loops[number]
+        if applied is None:
+            return self._batch.no_loop
+
+        run = self.run
+        design_model = {}
+        if applied.model is not None:
+            design_model["advance"] = self._batch.advances[applied.model.advance]
+            design_model["memory"] = run.memory
+            design_model["p"] = run.p
+            design_model["own"] = applied.model.own.copy()
+        seen = run.now[self.problem.columns["seen"]]
+        return applied.begin(self.problem.x0[number], seen, run.seen, **design_model)
+
+    def begin(self, number: int, memory: Array) -> None:
+        """Bring one simulation to its start, with the numbers of its law and metrics."""
+        super().begin(number, memory)
+        batch = self._batch
+        problem = self.problem
+        run = self.run
+        run.p[:] = batch.numbers[problem.controllers[number]]
+
+        loop = problem.loops[number]
+        if loop is not None:
+            loop.restart(run.loop, problem.x0[number])
+        if len(problem.packed_disturbances) > 1:
+            # The caller keeps the arrays alive; those of ``run`` are the first simulation's.
+            numbers, values = problem.disturbances_of(number)
+            self._structure["disturbances"]["numbers"][0] = laid_out(numbers)
+            self._structure["disturbances"]["values"][0] = laid_out(values)
+        accumulator = problem.accumulators[number]
+        if accumulator is not None:
+            run.accumulator_numbers[:] = batch.constants[accumulator]
+            run.accumulated[:] = self.record.accumulated[number]
+
+    def advance(self, last: int, thread_guard: Guard) -> bool:
+        """Make timesteps up to ``last`` without Python's lock; False if the run has ended."""
+        self.run.progress[LAST_STEP] = last
+        thread_guard.call(self._kernel, self._address)
+        return bool(self.run.progress[ANSWER] == ANSWERED)
+
+
 class _Worker:
-    """One thread of a batch: it runs simulations in the same memory while they fit into it.
+    """One thread of a batch: it makes simulations in the same memory while they fit into it.
 
     Args:
         batch: Simulations, of which it takes one after the other.
@@ -201,8 +290,6 @@ class _Worker:
     def __init__(self, batch: _Batch, steppers: Steppers) -> None:
         self._batch = batch
         self._steppers = steppers
-        # Stepper and sizes of the loop for which there is room.
-        self._fits: Any = None
         # Controller of the last run, its memory as a run begins, and the workspace that its law
         # computes in.
         self._controller: Controller | None = None
@@ -211,95 +298,40 @@ class _Worker:
         self._steps_before_pause = _FIRST_STEPS
 
     def work(self) -> None:
-        """Run simulations until none is left or the batch is stopped."""
+        """Make simulations until none is left or the batch is stopped."""
         batch = self._batch
-        problem = batch.problem
-        room: Any = None
+        memory: _CompiledMemory | None = None
         with guard() as thread_guard:
             for number in batch.order:
                 if batch.stopped.is_set():
                     return
 
-                stepper = self._steppers.of(problem.plants[number])
-                loop = problem.loops[number]
-                needed = stepper, loop and loop.sizes
-                if room is None or needed != self._fits:
-                    room = self._room(number, stepper)
-                    self._fits = needed
-                self._start(room, number, stepper)
-                self._advance(room, number, thread_guard)
+                stepper = self._steppers.of(batch.problem.plants[number])
+                if memory is None or not memory.fits(number, stepper):
+                    memory = _CompiledMemory(batch, number, stepper)
+                memory.begin(number, self._memory_of_law(number))
+                self._advance(memory, number, thread_guard)
 
-    def _room(self, number: int, stepper: Stepper) -> CompiledRun:
-        """Memory for runs of this stepper, in a loop of these sizes."""
-        batch = self._batch
-        problem = batch.problem
-        record = batch.record
-        controller = problem.controllers[number]
-        addresses = stepper.addresses()
-        row_bytes = record.rows.strides[1]
-        run = kernel_run(
-            problem,
-            number,
-            record,
-            stepper,
-            law=batch.law,
-            note=batch.note,
-            step=addresses.step,
-            read=addresses.read,
-            model=addresses.model,
-            data=addresses.data,
-            p=batch.numbers[controller].copy(),
-            physics=record.rows.ctypes.data + 8 * problem.width,
-            width=row_bytes if stepper.recorded_size else 0,
-        )
-
-        loop: Any = batch.no_loop
-        applied = problem.loops[number]
-        if applied is not None:
-            design_model = {}
-            if applied.model is not None:
-                design_model["advance"] = batch.advances[applied.model.advance]
-                design_model["memory"] = run.memory
-                design_model["p"] = run.p
-                design_model["own"] = applied.model.own.copy()
-            seen = run.now[problem.columns["seen"]]
-            loop = applied.begin(problem.x0[number], seen, run.seen, **design_model)
-        return CompiledRun(run._replace(loop=loop), looped=problem.looped)
-
-    def _start(self, room: CompiledRun, number: int, stepper: Stepper) -> None:
-        """Bring one simulation to its start."""
-        batch = self._batch
-        problem = batch.problem
-        controller = problem.controllers[number]
-        loop = problem.loops[number]
-        accumulator = problem.accumulators[number]
+    def _memory_of_law(self, number: int) -> Array:
+        """Memory of the law of a simulation as it begins, flat."""
+        controller = self._batch.problem.controllers[number]
         # A workspace has the state of a run, but each sample writes it before it reads it.
         if controller is not self._controller:
             memory, self._workspace = controller.begin()
             self._controller = controller
             self._memory = pack(memory)
+        return self._memory
 
-        start(room.r, problem, number, stepper, self._memory, batch.record)
-        room.r.p[:] = batch.numbers[controller]
-        if loop is not None:
-            loop.restart(room.r.loop, problem.x0[number])
-        if len(problem.packed_disturbances) > 1:
-            disturbances, values = problem.disturbances_of(number)
-            room.put(disturbances=disturbances, values=values)
-        if accumulator is not None:
-            room.r.accumulator_numbers[:] = batch.constants[accumulator]
-            room.r.accumulated[:] = batch.record.accumulated[number]
-
-    def _advance(self, room: CompiledRun, number: int, thread_guard: Guard) -> None:
-        """Run one simulation, with pauses for Ctrl-C."""
+    def _advance(self, memory: _CompiledMemory, number: int, thread_guard: Guard) -> None:
+        """Make one simulation, with pauses for Ctrl-C."""
         batch = self._batch
         record = batch.record
-        progress = room.r.progress
+        progress = memory.run.progress
         last = batch.problem.steps
         while progress[NEXT_STEP] < last and not batch.stopped.is_set():
             first = int(progress[NEXT_STEP])
             began = time.perf_counter()
-            if not room.advance(min(first + self._steps_before_pause, last), thread_guard):
+            if not memory.advance(min(first + self._steps_before_pause, last), thread_guard):
                 break
             # Of a short run the clock tells little.
             elapsed = max(time.perf_counter() - began, _PAUSE / 50)
@@ -308,7 +340,7 @@ class _Worker:
 
         record.valid[number] = progress[NEXT_STEP]
         record.status[number] = progress[ANSWER] - ANSWERED
-        record.accumulated[number] = room.r.accumulated
+        record.accumulated[number] = memory.run.accumulated
         if record.status[number] == _FAILED:
             batch.stopped.set()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from copy import deepcopy
 from dataclasses import replace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -13,15 +13,16 @@ from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.compilation.records import pack
 from grosmc_mj.mechanics.physics.hooks import refuse_foreign_callback, warnings_counted_only
 from grosmc_mj.simulation.disturbances import Disturbance, OutputDisturbance, disturb
-from grosmc_mj.simulation.kernel import ANSWER, ANSWERED, LAST_STEP, NEXT_STEP, KernelRun, run_of
+from grosmc_mj.simulation.kernel import ANSWER, ANSWERED, LAST_STEP, NEXT_STEP, run_of
 from grosmc_mj.simulation.law_inputs import sample_law
-from grosmc_mj.simulation.loop.applied import ideal_loop
+from grosmc_mj.simulation.loop.applied import LoopRun, ideal_loop
 from grosmc_mj.simulation.problem import Problem, Record
-from grosmc_mj.simulation.steppers import Stepper, Steppers
+from grosmc_mj.simulation.run_memory import RunMemory
+from grosmc_mj.simulation.steppers import Steppers, plant_run
 from grosmc_mj.simulation.trajectory import Status
 
 
-class ClosedLoop:
+class ClosedLoop(RunMemory):
     """A plant under a sampled law, which the caller advances.
 
     Overflows of a diverging run are the caller's to silence, and so are MuJoCo's warnings.
@@ -36,7 +37,7 @@ class ClosedLoop:
         steps: Timesteps done.
         memory: Memory of the law.
         accumulated: Values of the accumulator so far; None without any.
-        run: State of the kernel: ``run.x`` is the last valid state, ``run.u`` the input.
+        run: State of the kernel: ``run.x`` is the last valid state, ``run.plant.u`` the input.
     """
 
     def __init__(
@@ -47,58 +48,56 @@ class ClosedLoop:
         steppers: Steppers | None = None,
     ) -> None:
         """Bring the plant to its start."""
-        self._problem = problem
         self._controller = problem.controllers[number]
-        self._loop = problem.loops[number]
         self._accumulator = problem.accumulators[number]
         steppers = steppers or Steppers(problem.timestep)
-        self._stepper = steppers.of(problem.plants[number])
+        stepper = steppers.of(problem.plants[number])
+        # Without a record the caller may make any number of steps.
+        kept = record or Record.empty(replace(problem, record=False), stepper.recorded_size)
+        super().__init__(
+            problem,
+            number,
+            kept,
+            stepper,
+            plant_run(
+                stepper,
+                step=stepper.advance,
+                read=self._read,
+                model=stepper.model,
+                data=stepper.data,
+            ),
+            law=self._sample,
+            note=self._note,
+            p=np.zeros(0),
+            # Rows in place of addresses, see ``_read``.
+            physics=0,
+            width=1 if stepper.recorded_size else 0,
+        )
+        if record is None:
+            self.run = self.run._replace(keep=sys.maxsize)
 
         self.steps = 0
         self.memory, self._workspace = self._controller.begin()
         self.accumulated = None
         if self._accumulator is not None:
             self.accumulated = deepcopy(self._accumulator.start)
-        self.run = self._begun(number, record)
+        self.run = self.run._replace(loop=self._begun_loop(number))
+        self.begin(number, pack(self.memory))
 
-    def _begun(self, number: int, record: Record | None) -> KernelRun:
-        """Run of the kernel at its start."""
-        problem = self._problem
-        stepper = self._stepper
-        # Without a record the caller may make any number of steps.
-        kept = record or Record.empty(replace(problem, record=False), stepper.recorded_size)
-        run = kernel_run(
-            problem,
-            number,
-            kept,
-            stepper,
-            law=self._sample,
-            note=self._note,
-            step=stepper.advance,
-            read=self._read,
-            model=stepper.model,
-            data=stepper.data,
-            p=np.zeros(0),
-            physics=0,
-            width=1 if stepper.recorded_size else 0,
-        )
-        if record is None:
-            run = run._replace(keep=sys.maxsize)
-
-        if self._loop is None:
-            loop = ideal_loop(len(run.seen), len(stepper.u))
-        else:
-            seen = run.now[problem.columns["seen"]]
-            x0 = problem.x0[number]
-            loop = self._loop.begin_uncompiled(x0, self.memory, seen, run.seen)
-        run = run._replace(loop=loop)
-        start(run, problem, number, stepper, pack(self.memory), kept)
-        return run
+    def _begun_loop(self, number: int) -> LoopRun:
+        """Loop at the start of the run."""
+        problem = self.problem
+        run = self.run
+        loop = problem.loops[number]
+        if loop is None:
+            return ideal_loop(len(run.seen), len(run.plant.u))
+        seen = run.now[problem.columns["seen"]]
+        return loop.begin_uncompiled(problem.x0[number], self.memory, seen, run.seen)
 
     def physics(self) -> Array:
         """Return mjSTATE_FULLPHYSICS as it is now, (size,); of equations nothing."""
-        state = np.zeros(self._stepper.size)
-        self._stepper.read(state)
+        state = np.zeros(self.stepper.size)
+        self.stepper.read(state)
         return state
 
     def advance(self, steps: int = 1) -> Status:
@@ -108,7 +107,7 @@ class ClosedLoop:
             ``Status.COMPLETED``, or why the run cannot go on.
         """
         self.run.progress[LAST_STEP] = self.steps + steps
-        run_of(looped=self._problem.looped)(self.run)
+        run_of(looped=self.problem.looped)(self.run)
         self.steps = int(self.run.progress[NEXT_STEP])
         return Status(int(self.run.progress[ANSWER]) - ANSWERED)
 
@@ -118,7 +117,7 @@ class ClosedLoop:
         It may go on after the end of the run. Some disturbance of the problem must act on a body,
         if only with a wrench of zero.
         """
-        problem = self._problem
+        problem = self.problem
         disturbances = [*problem.disturbances[0]]
         for body, of_body in zip(problem.system.bodies, wrench.reshape(-1, 6), strict=True):
             if of_body.any():
@@ -126,7 +125,8 @@ class ClosedLoop:
                 disturbances.append(Disturbance(body, pull))
         steps = range(self.steps, self.steps + 1)
         numbers, values = problem.packed(disturbances, steps)
-        self.run = self.run._replace(disturbances=numbers, values=values)
+        disturbed = self.run.disturbances._replace(numbers=numbers, values=values)
+        self.run = self.run._replace(disturbances=disturbed)
         return self.advance()
 
     def output_disturbance(self) -> Array:
@@ -134,11 +134,12 @@ class ClosedLoop:
 
         At the end of the run it is that of the last timestep.
         """
-        problem = self._problem
+        problem = self.problem
         step = min(self.steps, problem.steps - 1)
         h = problem.timestep
-        signals = np.zeros(len(self.run.disturbed))
-        disturb(self.run.disturbances, self.run.values, step, step * h, h, signals)
+        disturbances = self.run.disturbances
+        signals = np.zeros(len(disturbances.sums))
+        disturb(disturbances.numbers, disturbances.values, step, step * h, h, signals)
 
         start = problem.columns[OutputDisturbance.part].start - problem.disturbed_columns.start
         return signals[start : start + problem.disturbed[OutputDisturbance.part]]
@@ -146,7 +147,7 @@ class ClosedLoop:
     def _sample(self, t: float, _address: Any) -> int:
         """Sample the law for the input that is held from now on, see ``kernel.LAW``."""
         run = self.run
-        if self._problem.system.singular(run.x):
+        if self.problem.system.singular(run.x):
             return ANSWERED + Status.SINGULAR_PLANT.value
 
         finite = sample_law(self._controller, t, run.seen, self.memory, run.command)
@@ -163,7 +164,7 @@ class ClosedLoop:
         self._accumulator.note(
             t,
             self.run.x,
-            self.run.u,
+            self.run.plant.u,
             self.memory,
             self._controller.parameters,
             self.accumulated,
@@ -178,85 +179,7 @@ class ClosedLoop:
         _kind: int,
     ) -> None:
         """Write mjSTATE_FULLPHYSICS into a row of the record."""
-        self._stepper.read(self.run.rows[row, self._problem.width :])
-
-
-def kernel_run(
-    problem: Problem, number: int, record: Record, stepper: Stepper, **of_engine: Any
-) -> KernelRun:
-    """Make the structure in which the kernel computes a run; its loop comes later, see ``start``.
-
-    Args:
-        problem: Simulations.
-        number: Number of this one.
-        record: Record for its rows.
-        stepper: Stepper of its plant.
-        of_engine: Fields of ``KernelRun`` in which the engines differ.
-    """
-    accumulator = problem.accumulators[number]
-    disturbances, values = problem.disturbances_of(number)
-    now = np.zeros(problem.width)
-    signals = {name: now[columns] for name, columns in problem.columns.items()}
-    # A loop writes the measured state into its column; the law gets it in an array of its own.
-    signals["seen"] = np.zeros(problem.x0.shape[1])
-    return KernelRun(
-        address=0,
-        progress=np.zeros(4, np.int64),
-        keep=0 if problem.record else problem.steps - 1,
-        stride=problem.stride,
-        h=problem.timestep,
-        period=problem.control_period,
-        q=stepper.q,
-        v=stepper.v,
-        u=stepper.u,
-        warnings=stepper.warnings,
-        disturbances=disturbances,
-        values=values,
-        bodies=stepper.bodies,
-        forces=stepper.forces,
-        rates=stepper.rates,
-        now=now,
-        disturbed=now[problem.disturbed_columns],
-        **signals,
-        accumulated=record.accumulated[number].copy(),
-        accumulator_numbers=pack(accumulator.numbers) if accumulator else np.zeros(0),
-        rows=record.rows.reshape(-1, record.rows.shape[2]),
-        loop=cast(Any, None),
-        **of_engine,
-    )
-
-
-def start(
-    run: KernelRun,
-    problem: Problem,
-    number: int,
-    stepper: Stepper,
-    memory: Array,
-    record: Record,
-) -> None:
-    """Bring a run to its start.
-
-    Args:
-        run: Run of the kernel.
-        problem: Simulations.
-        number: Number of this one.
-        stepper: Stepper of its plant.
-        memory: Memory of its law, flat.
-        record: Record for its rows.
-    """
-    x0 = problem.x0[number]
-    rows = record.rows.shape[1]
-    stepper.restart(x0)
-    run.progress[:] = 0, problem.steps, ANSWERED, number * rows + 1
-    run.now[:] = 0.0
-    run.seen[:] = 0.0
-    run.x[:] = x0
-    run.memory[:] = memory
-
-    first_row = record.rows[number, 0]
-    first_row[problem.columns["x"]] = x0
-    if stepper.recorded_size:
-        stepper.read(first_row[problem.width :])
+        self.stepper.read(self.run.rows[row, self.problem.width :])
 
 
 def run_python(problem: Problem) -> Record:

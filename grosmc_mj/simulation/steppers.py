@@ -2,7 +2,7 @@
 
 A stepper holds one simulation of a plant. Its arrays ``q``, ``v``, ``u``, ``warnings``, ``bodies``,
 ``forces`` and ``rates`` are views of the state that it moves, and mean the same as in
-``kernel.KernelRun``.
+``kernel.PlantRun``.
 ``model`` and ``data`` are the arguments of ``advance``: an mjModel and an mjData, or the numbers
 and the arrays of equations. Overflows of a diverging run are the caller's to silence, and so are
 MuJoCo's warnings.
@@ -14,7 +14,7 @@ import copy
 import ctypes
 from functools import cache
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -28,29 +28,13 @@ from grosmc_mj.mechanics.machine.drive_friction import has_drive_friction
 from grosmc_mj.mechanics.physics.hidden_states import starts
 from grosmc_mj.simulation.drive_friction import FrictionStepper, compiled_read, compiled_step
 from grosmc_mj.simulation.guard import c_address, cannot_step
-from grosmc_mj.simulation.kernel import STEP
+from grosmc_mj.simulation.kernel import STEP, PlantRun
 from grosmc_mj.theory.plants import Plant, System
 from grosmc_mj.theory.plants.runge_kutta import runge_kutta_step
 
 # A state beyond this bound has diverged; it is MuJoCo's own.
 LARGEST = mujoco.mjMAXVAL
 _FULL_PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
-
-
-class Addresses(NamedTuple):
-    """Addresses for compiled code.
-
-    Attributes:
-        step: Function that makes a step, see ``kernel.STEP``.
-        read: Function that reads mjSTATE_FULLPHYSICS, see ``kernel.READ``.
-        model: First argument of both.
-        data: Second argument of both.
-    """
-
-    step: int
-    read: int
-    model: int
-    data: int
 
 
 class EquationStepper:
@@ -111,9 +95,10 @@ class EquationStepper:
     def read(self, state: Array) -> None:
         """Write nothing: equations have no mjSTATE_FULLPHYSICS."""
 
-    def addresses(self) -> Addresses:
-        """Addresses of a step, the numbers and the state, for compiled code."""
-        return Addresses(
+    def compiled(self) -> PlantRun:
+        """Plant in a run of compiled code: addresses of a step, the numbers and the state."""
+        return plant_run(
+            self,
             step=_compiled_step(self._system, self._numbers_dtype).address,
             # Never called: there is nothing to read.
             read=c_address("mj_getState"),
@@ -235,16 +220,18 @@ class PhysicsStepper:
         """Write mjSTATE_FULLPHYSICS as it is now, (size,)."""
         mujoco.mj_getState(self.model, self.data, state, _FULL_PHYSICS)
 
-    def addresses(self) -> Addresses:
-        """Addresses of MuJoCo's step and state, the mjModel and the mjData."""
+    def compiled(self) -> PlantRun:
+        """Plant in a run of compiled code: addresses of MuJoCo's step, the mjModel and mjData."""
         if self._friction is not None:
-            return Addresses(
+            return plant_run(
+                self,
                 step=compiled_step().address,
                 read=compiled_read().address,
                 model=self._friction.address,
                 data=self.data._address,
             )
-        return Addresses(
+        return plant_run(
+            self,
             step=c_address("mj_step"),
             read=c_address("mj_getState"),
             model=self.model._address,
@@ -260,6 +247,23 @@ def _warning_counts(data: mujoco.MjData) -> Any:
 
 
 Stepper = EquationStepper | PhysicsStepper
+
+
+def plant_run(stepper: Stepper, *, step: Any, read: Any, model: Any, data: Any) -> PlantRun:
+    """Plant of a stepper in a run, with functions and their arguments, see ``PlantRun``."""
+    return PlantRun(
+        step=step,
+        read=read,
+        model=model,
+        data=data,
+        q=stepper.q,
+        v=stepper.v,
+        u=stepper.u,
+        warnings=stepper.warnings,
+        bodies=stepper.bodies,
+        forces=stepper.forces,
+        rates=stepper.rates,
+    )
 
 
 def shared_model(plant: Any) -> Any:

@@ -14,7 +14,7 @@ law would read an address and a shape for each of its matrices at each sample.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Annotated, Any, get_type_hints
 
@@ -202,23 +202,34 @@ def members_at(structure: type, *names: str) -> Any:
 
     Args:
         structure: Class of the named tuple that is laid out at the address.
-        names: Names of the members that are read, at least one.
+        names: Names of the members that are read, at least one; ``plant.u`` is the member u of
+            the member plant.
     """
     kind = _numba_type(structure)
-    member_types = [kind.types[kind.fields.index(name)] for name in names]
-    tuple_type = types.Tuple(member_types)
-    # Plain numbers, for compiled code is kept on disk under what it reaches.
-    fields: Any = _layout(kind).fields
-    offsets = {name: fields[name][1] for name in names}
+    places = [_place_of(kind, name.split(".")) for name in names]
+    tuple_type = types.Tuple([member_type for _, member_type in places])
 
     def load(context: Any, builder: Any, place: Any) -> Any:
         members = []
-        for name, member_type in zip(names, member_types, strict=True):
-            member_place = cgutils.pointer_add(builder, place, offsets[name])
+        for offset, member_type in places:
+            member_place = cgutils.pointer_add(builder, place, offset)
             members.append(_load(context, builder, member_type, member_place))
         return context.make_tuple(builder, tuple_type, members)
 
     return _reader(tuple_type, load)
+
+
+def _place_of(kind: Any, names: Sequence[str]) -> tuple[int, Any]:
+    """Offset [byte] and type of a member, by its name and those of the members that it is in.
+
+    The offset is a plain number, for compiled code is kept on disk under what it reaches.
+    """
+    offset = 0
+    for name in names:
+        fields: Any = _layout(kind).fields
+        offset += fields[name][1]
+        kind = kind.types[kind.fields.index(name)]
+    return offset, kind
 
 
 def _reader(result: Any, load: Callable[[Any, Any, Any], Any]) -> Any:
