@@ -14,6 +14,7 @@ from html import escape
 from pathlib import Path
 
 from grosmc_mj.output import palette
+from grosmc_mj.output.results import tables
 from grosmc_mj.output.results.markdown import replace_marked
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -55,10 +56,8 @@ def about(door: str) -> str:
 
 def table() -> list[str]:
     """Return the table of the doors in Markdown."""
-    rows = ["| door | behind it |", "|---|---|"]
-    for floor in floors():
-        rows += [f"| **{door}** | {about(door)} |" for door in floor]
-    return rows
+    rows = [[f"**{door}**", about(door)] for floor in floors() for door in floor]
+    return tables.table("", tables.words("door", "behind it"), rows).markdown()
 
 
 def drawing() -> str:

@@ -19,7 +19,7 @@ from cyclopts import (
     UnusedCliTokensError,
 )
 
-from grosmc_mj.cli.commands import ABOUT, CLAIMS, COMMANDS, GROUPS, STUDIES, Entry, Subcommands
+from grosmc_mj.cli.commands import ABOUT, COMMANDS, GROUPS, STUDIES, Entry, Subcommands
 from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.streams import PROGRAM
 from grosmc_mj.ground.errors import ArgumentError, SetupError, unknown_name, value_text
@@ -32,16 +32,6 @@ if TYPE_CHECKING:
 _NEGATIVE = re.compile(r"-\.?\d")
 # The format of ``run --save`` without one.
 _FORMAT = "parquet"
-
-# Removed options of a command, with the sentences that refuse them.
-_REMOVED = {
-    "campaign --replay": "--replay is gone: --plant WHICH writes the case file of a run's plant, "
-    "which grosmc-mj run takes",
-    "view --replay": "--replay is gone: view runs the case as you watch, and grosmc-mj film shows "
-    "a recorded run",
-}
-# Former names of --laws.
-_FORMER_LAWS = ("--controller", "--controllers")
 
 # The panel of options in a command's help.
 _OPTIONS = Group("Options", sort_key=0)
@@ -79,16 +69,12 @@ def parse(arguments: Sequence[str]) -> Command | None:
         ArgumentError: If they describe none, in one line.
     """
     words = _with_negative_values(_with_format(arguments))
-    # A removed subcommand is refused: its name is not taken for a claim.
-    if words[:2] == ["claims", "self-test"]:
-        raise _refusal(unknown_name("command", "self-test", CLAIMS), ["claims"])
-
     app = _application(words)
     path, _, _ = app.parse_commands(words)
     try:
         return app(words)
     except CycloptsError as error:
-        raise _refusal(_sentence(" ".join(path), error), path) from None
+        raise _refusal(_sentence(error), path) from None
 
 
 def _with_format(arguments: Sequence[str]) -> list[str]:
@@ -180,13 +166,8 @@ def _refusal(wrong: str, path: Sequence[str]) -> ArgumentError:
     return ArgumentError(f"{wrong}; for help: {' '.join([PROGRAM, *path])} --help")
 
 
-def _sentence(command: str, error: CycloptsError) -> str:
-    """Return what is wrong with the arguments of a command.
-
-    Args:
-        command: Names that lead to the command; empty for none.
-        error: The error of the parser.
-    """
+def _sentence(error: CycloptsError) -> str:
+    """Return what is wrong with the arguments of a command, by the error of the parser."""
     match error:
         case UnknownCommandError(unused_tokens=[token, *_]):
             if token.startswith("-"):
@@ -199,19 +180,13 @@ def _sentence(command: str, error: CycloptsError) -> str:
                 return f"missing: {argument.parameter.metavar or argument.name}"
             return f"{error.keyword or argument.name}: a value is missing"
         case UnknownOptionError(token=token, argument_collection=options):
-            return _unknown_option(command, token.keyword or token.value, options)
+            return _unknown_option(token.keyword or token.value, options)
     return str(error).removesuffix(".")
 
 
-def _unknown_option(command: str, word: str, options: ArgumentCollection) -> str:
-    """Return a sentence that refuses an option which a command does not have, or no longer."""
+def _unknown_option(word: str, options: ArgumentCollection) -> str:
+    """Return a sentence that refuses an option which a command does not have."""
     option = word.partition("=")[0]
-    if option in _FORMER_LAWS and "--laws" in options:
-        return f"{option} is gone: the option is --laws"
-    removed = _REMOVED.get(f"{command} {option}")
-    if removed:
-        return removed
-
     sentence = f"unknown option {value_text(option, str)}"
     names = [name for argument in options for name in argument.names]
     near = difflib.get_close_matches(option, names, n=1, cutoff=0.7)

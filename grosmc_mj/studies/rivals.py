@@ -10,7 +10,7 @@ import numpy as np
 
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.ground.arrays import as_rows
-from grosmc_mj.output.results.tables import markdown_table, number, numbers, words
+from grosmc_mj.output.results.tables import number, numbers, table, words
 
 SYSTEMS = ("servo", "cart_pendulum", "arm", "two_link_arm")
 # The remaining error is the largest in the last part of a run [s].
@@ -95,7 +95,7 @@ def rivals_table(rows: Iterable[Rival]) -> str:
         *numbers("settled", "max |y − y\\*|", "left at the end"),
         *numbers("max |u|", "variation of u", "kept"),
     ]
-    return "\n".join(markdown_table(columns, [_cells(row) for row in rows]))
+    return "\n".join(table("", columns, [_cells(row) for row in rows]).markdown())
 
 
 def _cells(row: Rival) -> list[str]:

@@ -244,11 +244,6 @@ def table(
     return Table(title=title, columns=columns, rows=[list(row) for row in rows], **options)
 
 
-def markdown_table(columns: Sequence[Column], rows: Iterable[Sequence[str]]) -> list[str]:
-    """Return the lines of a table in Markdown."""
-    return table("", columns, rows).markdown()
-
-
 def prefixed(unit: str, value: float) -> tuple[str, float]:
     """Return the unit with a prefix in which a number is easily read, and the factor to it.
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from grosmc_mj.output.results.result import ReportTable
-from grosmc_mj.output.results.tables import Table, markdown_table, words
+from grosmc_mj.output.results.tables import Table, table, words
 from grosmc_mj.output.results.verdicts import Verdict, first_failed
 from grosmc_mj.studies.ladder.answer import CLAIMS
 from grosmc_mj.studies.ladder.climb import climbs
@@ -53,7 +53,7 @@ def _failures_text(documents: Sequence[Mapping[str, Any]], laws: Sequence[str]) 
         cells = [_first_failure(document, _LAWS[law]) for document in documents]
         rows.append([law, *cells])
     columns = words("law", *(_SYSTEMS[system] for system in systems))
-    return "\n".join(markdown_table(columns, rows))
+    return "\n".join(table("", columns, rows).markdown())
 
 
 def _first_failure(document: Mapping[str, Any], names: Sequence[str]) -> str:

@@ -125,7 +125,7 @@ def markdown_lines() -> list[str]:
     """Return a table with bars in its texts, in Markdown."""
     columns = [*words("law"), *numbers("max |u|"), *words("")]
     rows = [("lqr", "1 N", "|s| > 0"), ("pid", "", "")]
-    return tables.markdown_table(columns, rows)
+    return tables.table("", columns, rows).markdown()
 
 
 def test_markdown_aligns_numbers_right() -> None:
