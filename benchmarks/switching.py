@@ -20,7 +20,8 @@ import numpy as np
 from grosmc_mj.cli import screen
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.output.charts.charts import write_panels
+from grosmc_mj.output.charts.figure import write_chart
+from grosmc_mj.output.charts.of_results import panels_chart
 from grosmc_mj.output.results.result import LineChart, Series, finite
 from grosmc_mj.output.results.tables import Table, number, numbers, table, words
 from grosmc_mj.theory.control.switching import SWITCHINGS, Switching, find_switching
@@ -350,9 +351,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     console.print(cases_table(cases))
     rows = [scalar_charts(by_time, by_ratio)]
     rows += [case_charts(case, cases) for case in DRAWN]
-    write_panels(figure, "Accuracy and chattering against sample time", rows)
+    chart = panels_chart("Accuracy and chattering against sample time", rows)
     # The page shows the PNG only.
-    figure.with_suffix(".svg").unlink()
+    write_chart(chart, figure, [".png"])
     screen.say_files(console, figure)
 
 

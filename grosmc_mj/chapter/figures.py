@@ -7,19 +7,20 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from grosmc_mj.chapter.tip import true_tip
-from grosmc_mj.experiments.answer.curves import draw_panel, panel_of
+from grosmc_mj.experiments.answer.curves import panel_of, quantity_panel
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.output.charts.figure import TITLE_SIZE, draw_legend_below, figure_written
-from grosmc_mj.output.palette import OPTIMUM, PLANTS, REFERENCE, law_styles
+from grosmc_mj.output.charts.chart import Axis, Chart, Curve, Layer, Marks, Panel
+from grosmc_mj.output.charts.figure import write_chart
+from grosmc_mj.output.palette import OPTIMUM, PLANTS, REFERENCE, Stroke, law_styles
 
 _SIZE = (7.2, 6.4)
 _TIP = "tip path"
@@ -123,37 +124,49 @@ PICTURES = (
 )
 
 
-def draw_quantity(axes: Axes, results: Sequence[RunResult], quantity: str) -> None:
-    """Draw a quantity of the runs of one case, see ``panel_of``, or the tip's path in the plane."""
+def case_panel(results: Sequence[RunResult], quantity: str) -> Panel:
+    """Return the panel of a quantity of the runs of one case, or of the tip's path in the plane.
+
+    Args:
+        results: The runs.
+        quantity: See ``panel_of``; or the path of the tip.
+    """
     if quantity == _TIP:
-        _draw_tip(axes, results)
-        return
+        return _tip_panel(results)
 
     styles = law_styles(result.controller.name for result in results)
-    panel = panel_of(results, quantity)
-    draw_panel(axes, panel, styles, results)
-    largest = max(float(np.nanmax(np.abs(curve.values))) for curve in panel.curves)
+    shown = panel_of(results, quantity)
+    panel = quantity_panel(shown, styles, results)
+    y_axis = panel.y
+    largest = max(float(np.nanmax(np.abs(curve.values))) for curve in shown.curves)
     if quantity == "deviation" and largest > _FAR:
-        axes.set_yscale("symlog", linthresh=_LINEAR)
-    if not panel.signed:
-        axes.set_ylim(bottom=0)
+        y_axis = replace(y_axis, scale="symlog", linear=_LINEAR)
+    if not shown.signed:
+        y_axis = replace(y_axis, low=0.0)
+    return replace(panel, y=y_axis)
 
 
-def _draw_tip(axes: Axes, results: Sequence[RunResult]) -> None:
-    """Draw the true path of the tip under each law in MuJoCo, and the reference."""
+def over_time(panel: Panel) -> Panel:
+    """Return the lowest of some panels, which names the axis of time."""
+    return replace(panel, x=replace(panel.x, title="time t [s]"))
+
+
+def _tip_panel(results: Sequence[RunResult]) -> Panel:
+    """Return the true path of the tip under each law in MuJoCo, and the reference."""
     styles = law_styles(result.controller.name for result in results)
+    layers: list[Layer] = []
     for result in results:
         if result.plant == "physics":
             style = styles[result.controller.name]
             x, z = true_tip(result).T
             label = f"{style.label}, {PLANTS[result.plant]}"
-            axes.plot(x, z, label=label, color=style.colour, rasterized=True)
-            axes.plot(x[0], z[0], "o", color=OPTIMUM, ms=4)
+            layers.append(Curve(x, z, Stroke(style.colour, 1.5), name=label))
+            layers.append(Marks(x[:1], z[:1], OPTIMUM, size=4.0))
 
     x, z = results[0].comparison.reference.T
-    axes.plot(x, z, label="reference", **REFERENCE)
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.set(xlabel="tip x [m]", ylabel="tip z [m]")
+    layers.append(Curve(x, z, REFERENCE, name="reference"))
+    # A plane needs more height than a curve over time.
+    return Panel(layers, Axis("tip x [m]"), Axis("tip z [m]"), equal=True, height=1.6)
 
 
 def claim_runs(lab: RunCache, system: str, case: str, laws: Sequence[str]) -> list[RunResult]:
@@ -184,19 +197,11 @@ def write_figures(results: Sequence[RunResult], folder: Path) -> Iterator[Path]:
 
     for picture in drawable([result.case for result in results]):
         runs = by_case[f"{picture.system}/{picture.case}"]
-        yield _write_figure(picture, runs, folder / f"{picture.name}.png")
+        yield write_chart(_case_chart(picture, runs), folder / f"{picture.name}.png")
 
 
-def _write_figure(picture: CaseFigure, runs: Sequence[RunResult], path: Path) -> Path:
-    """Draw the panels of a figure one below the other, with one legend."""
-    count = len(picture.quantities)
-    # The tip's plane needs more height than a curve over time.
-    heights = [1.6 if quantity == _TIP else 1.0 for quantity in picture.quantities]
-    with figure_written(path, _SIZE) as figure:
-        figure.suptitle(picture.title, fontsize=TITLE_SIZE)
-        rows = list(figure.subplots(count, 1, height_ratios=heights, squeeze=False)[:, 0])
-        for axes, quantity in zip(rows, picture.quantities, strict=True):
-            draw_quantity(axes, runs, quantity)
-        rows[-1].set_xlabel("time t [s]")
-        draw_legend_below(figure, rows)
-    return path
+def _case_chart(picture: CaseFigure, runs: Sequence[RunResult]) -> Chart:
+    """Return the panels of a figure, one below the other."""
+    panels = [case_panel(runs, quantity) for quantity in picture.quantities]
+    rows = [[panel] for panel in (*panels[:-1], over_time(panels[-1]))]
+    return Chart(rows, title=picture.title, size=_SIZE)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from grosmc_mj.identify.predict import Prediction, Quantity, Question, deciding
-from grosmc_mj.output.charts.figure import figure_written
-from grosmc_mj.output.palette import BLACK, BLUE
+from grosmc_mj.output.charts.chart import Axis, Chart, Curve, Layer, Panel
+from grosmc_mj.output.charts.figure import write_chart
+from grosmc_mj.output.palette import BLACK, BLUE, Stroke
 from grosmc_mj.output.results.result import (
     KEPT,
     NOT_KEPT,
@@ -227,18 +227,25 @@ def draw_prediction(question: Question, complete: Prediction, path: Path) -> Pat
         predicted = [simulated.inputs[:, index] for simulated in complete.logs]
         curves.append((signal, log.inputs[:, index], predicted))
 
-    with figure_written(path, (9.0, 2.3 * len(curves) + 0.6), [".png"]) as figure:
-        axes = np.atleast_1d(figure.subplots(len(curves), 1, sharex=True))
-        for axis, (signal, measured, predicted) in zip(axes, curves, strict=True):
-            label = f"predicted, {len(predicted)} seeds"
-            for curve in predicted:
-                axis.plot(log.time, curve, color=BLUE, lw=0.6, alpha=0.3, label=label)
-                label = None
-            nearest = predicted[complete.nearest]
-            axis.plot(log.time, nearest, color=BLUE, lw=1.4, label="predicted, the nearest seed")
-            axis.plot(log.time, measured, color=BLACK, lw=1.2, label="measured")
-            axis.set_ylabel(f"{signal.name} [{signal.unit}]")
-        axes[0].set_title(f"{question.law} on {log.name}")
-        axes[0].legend(loc="best")
-        axes[-1].set_xlabel("time [s]")
-    return path
+    rows = []
+    for signal, measured, predicted in curves:
+        layers: list[Layer] = [
+            Curve(
+                log.time,
+                curve,
+                Stroke(BLUE, 0.6, "solid", 0.3),
+                name=f"predicted, {len(predicted)} seeds",
+            )
+            for curve in predicted
+        ]
+        nearest = predicted[complete.nearest]
+        layers.append(
+            Curve(log.time, nearest, Stroke(BLUE, 1.4), name="predicted, the nearest seed")
+        )
+        layers.append(Curve(log.time, measured, Stroke(BLACK, 1.2), name="measured"))
+        rows.append([Panel(layers, y=Axis(f"{signal.name} [{signal.unit}]"))])
+    (lowest,) = rows[-1]
+    rows[-1] = [replace(lowest, x=Axis("time [s]"))]
+    size = (9.0, 2.3 * len(rows) + 0.9)
+    title = f"{question.law} on {log.name}"
+    return write_chart(Chart(rows, title=title, size=size, shared="x"), path, [".png"])

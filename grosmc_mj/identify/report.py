@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from grosmc_mj.experiments.logs.log import Log
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.identify.compare import PredictionError
 from grosmc_mj.identify.fit import Fit
 from grosmc_mj.identify.quality import Quality
-from grosmc_mj.output.charts.figure import figure_written
-from grosmc_mj.output.palette import BLUE, VERMILION
+from grosmc_mj.output.charts.chart import Axis, Chart, Curve, Layer, Panel
+from grosmc_mj.output.charts.figure import write_chart
+from grosmc_mj.output.palette import BLUE, GREY, VERMILION, Stroke
 from grosmc_mj.output.results.result import (
     MEASURED,
     OPEN,
@@ -27,6 +28,7 @@ from grosmc_mj.output.results.tables import Table, names, number, numbers, table
 from grosmc_mj.studies.sweep.quantities import Quantity
 from grosmc_mj.theory.plants import System
 
+_MEASURED = Stroke(GREY, 2.4, "solid", 0.6)
 # Words for the residual.
 _WHITENESS = {True: "white", False: "correlated in time", None: "too short to tell"}
 # A value this near to an end of its range, as a share of its half width, is at the end.
@@ -188,33 +190,28 @@ def draw_residuals(
         path: The picture.
     """
     units = {state.name: state.unit for state in system.states}
-    size = (9.0, 2.2 * 2 * len(parts) + 0.6)
-    with figure_written(path, size, [".png"]) as figure:
-        axes = figure.subplots(2 * len(parts), 1, sharex=True)
-        for row, (name, pieces) in enumerate(parts.items()):
-            above = axes[2 * row]
-            below = axes[2 * row + 1]
-            _draw_state(above, below, log, name, pieces)
-            above.set_ylabel(f"{name} [{units[name]}]")
-            below.set_ylabel(f"residual [{units[name]}]")
-            above.legend(loc="upper right")
-        axes[-1].set_xlabel("time [s]")
+    rows = []
+    for name, pieces in parts.items():
+        above, below = _state_layers(log, name, pieces)
+        rows.append([Panel(above, y=Axis(f"{name} [{units[name]}]"))])
+        rows.append([Panel(below, y=Axis(f"residual [{units[name]}]"))])
+    (lowest,) = rows[-1]
+    rows[-1] = [replace(lowest, x=Axis("time [s]"))]
+    write_chart(Chart(rows, size=(9.0, 2.2 * len(rows) + 0.9), shared="x"), path, [".png"])
 
 
-def _draw_state(
-    above: Any,
-    below: Any,
+def _state_layers(
     log: Log,
     state: str,
     pieces: Sequence[tuple[slice, Array]],
-) -> None:
-    """Draw one state over its residual, window by window."""
-    # Only the first window has labels: the legend names each curve once.
-    labels = ("measured", "fitted", "residual")
+) -> tuple[list[Layer], list[Layer]]:
+    """Return a state and its residual, window by window."""
+    above: list[Layer] = []
+    below: list[Layer] = []
     for samples, error in pieces:
         time = log.time[samples]
         measured = log.states[state][samples]
-        above.plot(time, measured, color="#888888", lw=2.4, alpha=0.6, label=labels[0])
-        above.plot(time, measured - error, color=BLUE, lw=1.0, label=labels[1])
-        below.plot(time, error, color=VERMILION, lw=0.8, label=labels[2])
-        labels = (None, None, None)
+        above.append(Curve(time, measured, _MEASURED, name="measured"))
+        above.append(Curve(time, measured - error, Stroke(BLUE, 1.0), name="fitted"))
+        below.append(Curve(time, error, Stroke(VERMILION, 0.8), name="residual"))
+    return above, below

@@ -6,7 +6,29 @@ The colours are those of Okabe and Ito, then those of Tol: colour-blind readers 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import Literal, NamedTuple
+
+Dash = Literal["solid", "dash", "dot", "dashdot", "longdash", "longdashdot"]
+
+
+class Stroke(NamedTuple):
+    """How a line is drawn.
+
+    Attributes:
+        colour: Colour as #RRGGBB, or ``INK``.
+        width: Width [point].
+        dash: Dashes.
+        opacity: 1 for a line that hides all below it.
+    """
+
+    colour: str
+    width: float = 1.4
+    dash: Dash = "solid"
+    opacity: float = 1.0
+
+
+# Colour of the text of a page, light or dark; on paper it is black.
+INK = "ink"
 
 # The colours of Okabe and Ito, with a softer black.
 BLACK = "#222222"
@@ -17,6 +39,7 @@ YELLOW = "#F0E442"
 BLUE = "#0072B2"
 VERMILION = "#D55E00"
 PURPLE = "#CC79A7"
+GREY = "#888888"
 
 # Colours of laws.
 COLOURS = {
@@ -25,7 +48,7 @@ COLOURS = {
     "grosmc": BLUE,
     "pd": ORANGE,
     "lqi": "#661100",
-    "fl-pid": "#888888",
+    "fl-pid": GREY,
     "adrc": "#117733",
     "cart-lqr": "#999933",
     "cart-ism": SKY,
@@ -58,15 +81,12 @@ LABELS = {
 # Colours of all other laws, in turn.
 OTHERS = ("#332288", "#44AA99", "#AA4499", "#DDCC77")
 
-# Line styles of laws, in turn: they tell laws apart without colours.
-_DASHES = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (6, 2, 1, 2)))
-
-# Line styles of plants: physics is thick, the equations lie thin on top of it.
-LINES: Mapping[str, Mapping[str, Any]] = {
-    "physics": {"lw": 3.2, "alpha": 0.45, "ls": "-"},
-    "corrected": {"lw": 1.1, "ls": "--"},
-    "printed": {"lw": 1.1, "ls": ":"},
-    "measured": {"lw": 1.3, "ls": "-"},
+# Lines of plants: physics is thick, the equations lie thin on top of it.
+PLANT_LINES: Mapping[str, Stroke] = {
+    "physics": Stroke(INK, 3.2, "solid", 0.45),
+    "corrected": Stroke(INK, 1.1, "dash"),
+    "printed": Stroke(INK, 1.1, "dot"),
+    "measured": Stroke(INK, 1.3),
 }
 # Names of plants for people.
 PLANTS: Mapping[str, str] = {
@@ -98,8 +118,8 @@ VERDICT_COLOURS = {
 OPTIMUM = BLACK
 DISTURBANCE = GREEN
 GRID = "#dddddd"
-# Line style of the reference or the nominal optimum, which lies above all curves.
-REFERENCE: Mapping[str, Any] = {"color": OPTIMUM, "lw": 1, "ls": (0, (1, 2)), "zorder": 5}
+# Line of the reference or the nominal optimum, which lies above all curves.
+REFERENCE = Stroke(INK, 1.0, "dot")
 
 
 def label_of(controller: str) -> str:
@@ -124,26 +144,23 @@ def colour_of(controller: str, others: int = 0) -> str:
 
 
 class LawStyle(NamedTuple):
-    """Name, colour and line style of a law in figures.
+    """Name and colour of a law in figures.
 
     Attributes:
         label: Name for people.
         colour: Colour as #RRGGBB.
-        line: Matplotlib's line style.
     """
 
     label: str
     colour: str
-    line: str | tuple[float, tuple[float, ...]]
 
 
 def law_styles(laws: Iterable[str]) -> dict[str, LawStyle]:
     """Return a style for each law; laws without a colour take those of ``OTHERS`` in turn."""
     styles: dict[str, LawStyle] = {}
     without_colour = 0
-    for number, law in enumerate(dict.fromkeys(laws)):
-        line = _DASHES[number % len(_DASHES)]
-        styles[law] = LawStyle(label_of(law), colour_of(law, without_colour), line)
+    for law in dict.fromkeys(laws):
+        styles[law] = LawStyle(label_of(law), colour_of(law, without_colour))
         if law not in COLOURS:
             without_colour += 1
     return styles

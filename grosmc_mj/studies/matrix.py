@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from grosmc_mj.output.charts.charts import write_cells
-from grosmc_mj.output.charts.figure import in_lines
+from grosmc_mj.output.charts.chart import in_lines
+from grosmc_mj.output.charts.of_results import cells_chart
 from grosmc_mj.output.results.result import CellChart
 from grosmc_mj.output.results.tables import Table, numbers, table, words
 from grosmc_mj.output.results.verdicts import Verdict, by_law
@@ -133,12 +133,15 @@ def write_charts(
     Raises:
         SetupError: If a file cannot be written.
     """
+    # Imported here: a result without figures needs no matplotlib.
+    from grosmc_mj.output.charts.figure import write_chart
+
     figures = []
     for condition, chart in charts.items():
         figure = path.with_suffix(".png")
         if figures:
             figure = path.with_name(f"{path.stem}_{condition.replace(' ', '_')}.png")
-        figures.append(write_cells(figure, title, [chart], note))
+        figures.append(write_chart(cells_chart(title, [chart], note), figure))
     return tuple(figures)
 
 

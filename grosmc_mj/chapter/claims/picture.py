@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
-from matplotlib.axes import Axes
-
 from grosmc_mj.chapter.claims.claim import Finding, Measured
-from grosmc_mj.chapter.figures import claim_runs, draw_quantity
+from grosmc_mj.chapter.figures import case_panel, claim_runs, over_time
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.output.charts.figure import TITLE_SIZE, draw_legend_below, figure_written
-from grosmc_mj.output.palette import FAILED, KEPT, OPTIMUM, VERDICT_COLOURS
+from grosmc_mj.output.charts.chart import Axis, Chart, Layer, Level, Marks, Panel
+from grosmc_mj.output.charts.figure import write_chart
+from grosmc_mj.output.palette import FAILED, INK, KEPT, VERDICT_COLOURS, Stroke
 
 # Beyond this ratio of the largest to the smallest value the axis is logarithmic.
 _WIDE = 30.0
-# Height of the row of one value of a choice [inch].
+# Width of a figure, height of its curves and of the row of one value of a choice [inch].
+_WIDTH = 7.2
+_CURVES = 4.0
 _ROW = 0.22
 
 
@@ -24,67 +26,70 @@ def write_picture(finding: Finding, lab: RunCache, path: Path) -> Path:
     Raises:
         SetupError: If it cannot be written.
     """
+    return write_chart(_picture(finding, lab), path, (".png",))
+
+
+def _picture(finding: Finding, lab: RunCache) -> Chart:
+    """Return the values of a claim, and below them the curves that show it."""
     claim = finding.claim
-    above = 1.6 + _ROW * len(finding.trials)
-    below = 4.0 if claim.drawing else 0.6
-    with figure_written(path, (7.2, above + below), (".png",)) as figure:
-        if claim.drawing is None:
-            values = figure.subplots()
-        else:
-            values, curves = figure.subplots(2, 1, height_ratios=(above, below))
-            case = claim.drawing["case"]
-            laws = claim.drawing.get("laws", ("lqr", "grosmc"))
-            results = claim_runs(lab, claim.system, case, laws)
-            draw_quantity(curves, results, claim.drawing["quantity"])
-            curves.set_xlabel("time t [s]")
-            draw_legend_below(figure, (curves,))
-        _draw_values(values, finding)
-        figure.suptitle(f"{claim.id}: {finding.verdict.value}", fontsize=TITLE_SIZE)
-    return path
+    title = f"{claim.id}: {finding.verdict.value}"
+    values = _values_panel(finding)
+    if claim.drawing is None:
+        return Chart([[values]], title=title, size=(_WIDTH, values.height + 0.6))
+
+    laws = claim.drawing.get("laws", ("lqr", "grosmc"))
+    results = claim_runs(lab, claim.system, claim.drawing["case"], laws)
+    curves = over_time(case_panel(results, claim.drawing["quantity"]))
+    curves = replace(curves, height=_CURVES)
+    return Chart([[values], [curves]], title=title, size=(_WIDTH, values.height + _CURVES))
 
 
-def _draw_values(axes: Axes, finding: Finding) -> None:
-    """Draw one row for each plant: filled at T, hollow at T/2, and the threshold.
+def _values_panel(finding: Finding) -> Panel:
+    """Return one row for each plant: filled at T, hollow at T/2, and the threshold.
 
     A row for each value of the choices that the claim is meant for follows, on the plant that
     decides.
     """
     claim = finding.claim
     rows = list(dict.fromkeys([*finding.plants, *finding.trials]))
+    layers: list[Layer] = []
     for name, on_plant in finding.plants.items():
         colour = VERDICT_COLOURS[on_plant.verdict.value]
-        _draw_point(axes, rows.index(name), on_plant.measured, colour, colour)
+        layers += _point(rows.index(name), on_plant.measured, colour)
         if on_plant.refined is not None:
-            _draw_point(axes, rows.index(name), on_plant.refined, colour, "none")
+            layers += _point(rows.index(name), on_plant.refined, colour, hollow=True)
     for name, trial in finding.trials.items():
         colour = KEPT if claim.holds(trial) else FAILED
-        _draw_point(axes, rows.index(name), trial, colour, colour)
+        layers += _point(rows.index(name), trial, colour)
+    layers.append(Level("x", claim.threshold, Stroke(INK, 1.2, "dash")))
 
-    axes.axvline(claim.threshold, color=OPTIMUM, ls="--", lw=1.2)
-    axes.set_yticks(range(len(rows)), rows)
-    axes.set_ylim(len(rows) - 0.5, -0.5)
-
-    drawn = [claim.threshold, *_values(finding)]
-    if min(drawn) > 0 and max(drawn) > _WIDE * min(drawn):
-        axes.set_xscale("log")
+    shown = [claim.threshold, *_values(finding)]
+    far = min(shown) > 0 and max(shown) > _WIDE * min(shown)
     unit = ""
     if claim.unit != "1":
         unit = f" [{claim.unit}]"
-    axes.set_xlabel(
-        f"found{unit}; filled at T, hollow at T/2; dashed: {claim.sense} {claim.threshold:g}"
+    title = f"found{unit}; filled at T, hollow at T/2; dashed: {claim.sense} {claim.threshold:g}"
+    names = {float(place): name for place, name in enumerate(rows)}
+    return Panel(
+        layers,
+        Axis(title, "log" if far else "linear"),
+        # The first row is at the top.
+        Axis(ticks=names, low=len(rows) - 0.5, high=-0.5),
+        height=1.6 + _ROW * len(finding.trials),
     )
 
 
-def _draw_point(
-    axes: Axes,
+def _point(
     row: int,
     measured: Measured,
-    edge: str,
-    face: str,
-) -> None:
-    """Draw a measurement, if it has a value."""
-    if measured.value is not None:
-        axes.plot(measured.value, row, "o", ms=7, mec=edge, mfc=face, mew=1.6, clip_on=False)
+    colour: str,
+    *,
+    hollow: bool = False,
+) -> list[Layer]:
+    """Return the mark of a measurement, if it has a value."""
+    if measured.value is None:
+        return []
+    return [Marks([measured.value], [float(row)], colour, size=7.0, hollow=hollow)]
 
 
 def _values(finding: Finding) -> list[float]:

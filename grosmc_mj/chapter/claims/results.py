@@ -179,7 +179,7 @@ def _sweep_chart(row: Mapping[str, Any]) -> LineChart:
     trials = row["values"]
     choices = [trial["choice"].removeprefix(f"{row['choice']} = ") for trial in trials]
     line = Series(
-        name=row["claim"],
+        name=f"{row['claim']} (hollow: does not hold)",
         x=choices,
         y=[plain(trial["measured"]) for trial in trials],
         texts=choices,

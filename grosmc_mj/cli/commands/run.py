@@ -186,16 +186,15 @@ class _RunQuestion(Question):
 
     def draw(self) -> Sequence[Path]:
         """Write the curves and, of a complete answer, draw the figure."""
-        from grosmc_mj.experiments.answer.curves import draw_experiment, figure_size, write_curves
-        from grosmc_mj.output.charts.figure import figure_written
+        from grosmc_mj.experiments.answer.curves import experiment_chart, write_curves
+        from grosmc_mj.output.charts.figure import write_chart
 
         write_curves(self._results, self.path.stem, self.path.parent)
         if not (self._command.figures and self._complete):
             return ()
 
         figure_path = self.path.with_suffix(".png")
-        with figure_written(figure_path, figure_size(self._results)) as figure:
-            draw_experiment(figure, self._results)
+        write_chart(experiment_chart(self._results), figure_path)
         return (figure_path,)
 
     def close(self) -> None:

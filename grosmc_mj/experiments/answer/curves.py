@@ -6,10 +6,10 @@ hidden state of the machine.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,15 +20,27 @@ from grosmc_mj.experiments.requirements.judging import Judgement
 from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.output.charts.chart import (
+    Axis,
+    Chart,
+    Curve,
+    Layer,
+    Marks,
+    Panel,
+    Span,
+    signal_layers,
+)
 from grosmc_mj.output.charts.envelope import envelope, jumps
 from grosmc_mj.output.palette import (
     BLACK,
-    FAILED,
-    LINES,
+    DISTURBANCE,
+    INK,
     ORANGE,
+    PLANT_LINES,
     PLANTS,
     REFERENCE,
     LawStyle,
+    Stroke,
     label_of,
     law_styles,
 )
@@ -36,16 +48,12 @@ from grosmc_mj.output.results.document import origin, write_json
 from grosmc_mj.output.results.tables import prefixed
 from grosmc_mj.simulation.trajectory import Status
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 # Kinds of hidden states on a machine, the most informative first, and the number of their panels.
 _HIDDEN_KINDS = ("twist", "winding", "load", "temperature", "bristle")
 _MOST_HIDDEN = 3
 
 
-class Curve(NamedTuple):
+class RunSignal(NamedTuple):
     """A signal of a run, at its instants or at the beginnings of its intervals.
 
     Attributes:
@@ -64,7 +72,7 @@ class Curve(NamedTuple):
         return self.run.trajectory.time[: len(self.values)]
 
 
-class Panel(NamedTuple):
+class ShownQuantity(NamedTuple):
     """One quantity over time.
 
     Attributes:
@@ -77,14 +85,14 @@ class Panel(NamedTuple):
     """
 
     label: str
-    curves: Sequence[Curve]
+    curves: Sequence[RunSignal]
     shows: tuple[str, ...] = ()
     reference: Array | None = None
     signed: bool = True
     play: float = 0.0
 
 
-def panels_of(results: Sequence[RunResult]) -> list[Panel]:
+def panels_of(results: Sequence[RunResult]) -> list[ShownQuantity]:
     """Return the panels of runs; signals of the laws themselves are those on the last plant.
 
     Logs of the machine are shown where they have the quantity: outputs, states and inputs.
@@ -112,7 +120,7 @@ def _chattering_first(results: Sequence[RunResult]) -> list[RunResult]:
     return sorted(results, key=lambda run: -(run.metrics["total_variation"].value or 0.0))
 
 
-def panel_of(results: Sequence[RunResult], quantity: str) -> Panel:
+def panel_of(results: Sequence[RunResult], quantity: str) -> ShownQuantity:
     """Return the panel of one quantity of runs.
 
     Args:
@@ -139,7 +147,7 @@ def panel_of(results: Sequence[RunResult], quantity: str) -> Panel:
     raise ArgumentError(f"no quantity {quantity!r} of these runs: one of {', '.join(known)}")
 
 
-def _output_panels(results: Sequence[RunResult]) -> list[Panel]:
+def _output_panels(results: Sequence[RunResult]) -> list[ShownQuantity]:
     """Return a panel for each output, with its reference."""
     first = results[0]
     system = first.trajectory.system
@@ -154,9 +162,9 @@ def _output_panels(results: Sequence[RunResult]) -> list[Panel]:
         if outputs_are_states:
             name = system.states[system.controlled[j]].name
         panels.append(
-            Panel(
+            ShownQuantity(
                 label=f"{name} [{error.units[row]}]",
-                curves=[Curve(run, _output(run, j)) for run in results],
+                curves=[RunSignal(run, _output(run, j)) for run in results],
                 shows=("output", error.names[row]),
                 reference=first.comparison.reference[:, j],
             )
@@ -171,21 +179,21 @@ def _output(run: RunResult, j: int) -> Array:
     return comparison.reference[:, j] + run.controller.designed.error.sign * error
 
 
-def _deviation_panel(results: Sequence[RunResult]) -> Panel:
+def _deviation_panel(results: Sequence[RunResult]) -> ShownQuantity:
     """Return the panel of the distance from the optimum, of a single output with its sign."""
     first = results[0]
     unit = first.controller.designed.error.units[first.comparison.outputs[0]]
     single = len(first.comparison.outputs) == 1
     distance = "distance from y*" if single else "|y − y*|"
-    return Panel(
+    return ShownQuantity(
         label=f"{distance} [{unit}]",
-        curves=[Curve(run, run.comparison.deviation) for run in results],
+        curves=[RunSignal(run, run.comparison.deviation) for run in results],
         shows=("deviation",),
         signed=single,
     )
 
 
-def _state_panels(results: Sequence[RunResult]) -> list[Panel]:
+def _state_panels(results: Sequence[RunResult]) -> list[ShownQuantity]:
     """Return a panel for each state that a requirement names and that is no output."""
     first = results[0]
     error = first.controller.designed.error
@@ -199,14 +207,14 @@ def _state_panels(results: Sequence[RunResult]) -> list[Panel]:
     return panels
 
 
-def _state_panel(results: Sequence[RunResult], row: int) -> Panel:
+def _state_panel(results: Sequence[RunResult], row: int) -> ShownQuantity:
     """Return the panel of a state, by its row."""
     state = results[0].trajectory.system.states[row]
-    curves = [Curve(run, run.trajectory.state[:, row]) for run in results]
-    return Panel(f"{state.name} [{state.unit}]", curves, shows=(state.name,))
+    curves = [RunSignal(run, run.trajectory.state[:, row]) for run in results]
+    return ShownQuantity(f"{state.name} [{state.unit}]", curves, shows=(state.name,))
 
 
-def _tracked_state_panel(results: Sequence[RunResult], row: int) -> Panel:
+def _tracked_state_panel(results: Sequence[RunResult], row: int) -> ShownQuantity:
     """Return the panel of a state, with its reference where its error is one of the laws'."""
     panel = _state_panel(results, row)
     first = results[0]
@@ -219,14 +227,14 @@ def _tracked_state_panel(results: Sequence[RunResult], row: int) -> Panel:
     return panel._replace(reference=first.trajectory.state[:, row] - error.sign * z)
 
 
-def _measurement_error_panel(results: Sequence[RunResult]) -> Panel:
+def _measurement_error_panel(results: Sequence[RunResult]) -> ShownQuantity:
     """Return the panel of the first controlled coordinate as the law sees it less as it is."""
     system = results[0].trajectory.system
     j = system.controlled[0]
     state = system.states[j]
-    return Panel(
+    return ShownQuantity(
         label=f"{state.name},\nseen − true [{state.unit}]",
-        curves=[Curve(run, _measurement_error(run)[:, j]) for run in results],
+        curves=[RunSignal(run, _measurement_error(run)[:, j]) for run in results],
     )
 
 
@@ -238,7 +246,7 @@ def _measurement_error(run: RunResult) -> Array:
     return run.trajectory.seen - true
 
 
-def _rate_panels(run: RunResult) -> list[Panel]:
+def _rate_panels(run: RunResult) -> list[ShownQuantity]:
     """Return a panel for each unit of rates that are not known exactly, of the worst such rate."""
     loop = run.case.loop
     states = run.trajectory.system.states
@@ -259,12 +267,14 @@ def _rate_panels(run: RunResult) -> list[Panel]:
     panels = []
     for unit, i in worst_rates.items():
         true = run.trajectory.state[: len(seen), i]
-        curves = [Curve(run, true, "true"), Curve(run, seen[:, i], "seen")]
-        panels.append(Panel(f"{states[i].name} [{unit}]", curves))
+        curves = [RunSignal(run, true, "true"), RunSignal(run, seen[:, i], "seen")]
+        panels.append(ShownQuantity(f"{states[i].name} [{unit}]", curves))
     return panels
 
 
-def _sliding_panels(results: Sequence[RunResult], drawn: Sequence[RunResult]) -> list[Panel]:
+def _sliding_panels(
+    results: Sequence[RunResult], drawn: Sequence[RunResult]
+) -> list[ShownQuantity]:
     """Return a panel of s of the drawn runs, if a law has a surface."""
     units = [run.controller.designed.sliding_unit for run in results]
     units = [unit for unit in units if unit]
@@ -276,9 +286,9 @@ def _sliding_panels(results: Sequence[RunResult], drawn: Sequence[RunResult]) ->
     if first.seen is not None:
         name += ", as the law\nsees it"
     return [
-        Panel(
+        ShownQuantity(
             label=f"{name} [{units[0]}]",
-            curves=[Curve(run, _sliding(run)) for run in drawn],
+            curves=[RunSignal(run, _sliding(run)) for run in drawn],
             shows=("sliding",),
             signed=single,
         )
@@ -293,7 +303,7 @@ def _sliding(run: RunResult) -> Array:
     return _largest(sliding)
 
 
-def _input_panel(results: Sequence[RunResult]) -> Panel:
+def _input_panel(results: Sequence[RunResult]) -> ShownQuantity:
     """Return the panel of the input that the plant is given."""
     trajectory = results[0].trajectory
     system = trajectory.system
@@ -301,9 +311,9 @@ def _input_panel(results: Sequence[RunResult]) -> Panel:
     name = system.input.name if single else "largest |u|"
     if trajectory.seen is not None:
         name += " given"
-    return Panel(
+    return ShownQuantity(
         label=f"{name} [{system.input.unit}]",
-        curves=[Curve(run, _largest(run.trajectory.input)) for run in results],
+        curves=[RunSignal(run, _largest(run.trajectory.input)) for run in results],
         shows=("input",),
         signed=single,
     )
@@ -316,7 +326,7 @@ def _largest(rows: Array) -> Array:
     return np.abs(rows).max(axis=1)
 
 
-def _hidden_panels(results: Sequence[RunResult]) -> list[Panel]:
+def _hidden_panels(results: Sequence[RunResult]) -> list[ShownQuantity]:
     """Return a panel for each kind and unit of the machine's hidden states, of the largest one."""
     signals = results[0].trajectory.unseen
     rows = {}
@@ -341,14 +351,14 @@ def _hidden_panel(
     size: float,
     rows: Sequence[Array],
     results: Sequence[RunResult],
-) -> Panel:
+) -> ShownQuantity:
     """Return the panel of a hidden state, in a unit with a prefix that suits its size."""
     unit, scale = prefixed(signal.unit, size)
-    curves = [Curve(run, scale * values) for run, values in zip(results, rows, strict=True)]
-    return Panel(f"{signal.name},\nnot seen [{unit}]", curves, play=scale * signal.play)
+    curves = [RunSignal(run, scale * values) for run, values in zip(results, rows, strict=True)]
+    return ShownQuantity(f"{signal.name},\nnot seen [{unit}]", curves, play=scale * signal.play)
 
 
-def levels_of(limit: Requirement, panel: Panel) -> Iterator[tuple[Array, Array]]:
+def levels_of(limit: Requirement, panel: ShownQuantity) -> Iterator[tuple[Array, Array]]:
     """Return the lines of a limit in a panel as times [s] and values; none without a level."""
     if not limit.is_level:
         return
@@ -365,7 +375,7 @@ def levels_of(limit: Requirement, panel: Panel) -> Iterator[tuple[Array, Array]]
         yield time, middle - limit.number
 
 
-def judged_in(panel: Panel, results: Sequence[RunResult]) -> list[Judgement]:
+def judged_in(panel: ShownQuantity, results: Sequence[RunResult]) -> list[Judgement]:
     """Return the judgements that a panel shows."""
     judgements = []
     for run in results:
@@ -381,167 +391,139 @@ def judged_in(panel: Panel, results: Sequence[RunResult]) -> list[Judgement]:
 _WIDTH = 7.2
 _HEIGHT = 1.9
 _AROUND = 1.3
-_ALONE: dict[str, Any] = {"lw": 1.6}
-_LIMIT: dict[str, Any] = {"color": BLACK, "lw": 1.0, "ls": (0, (4, 2)), "zorder": 4}
+_ALONE = Stroke(INK, 1.6)
+# A limit that is kept, and one that is not.
+_LIMIT = Stroke(INK, 1.0, "dash")
+_BROKEN_LIMIT = Stroke(INK, 2.0, "dash")
 # A true rate, and the rate that a law sees on top of it.
-_TRUE: dict[str, Any] = {"color": BLACK, "lw": 3.2, "alpha": 0.45}
-_SEEN: dict[str, Any] = {"color": ORANGE, "lw": 1.3}
-_PLAY: dict[str, Any] = {"color": BLACK, "alpha": 0.13, "lw": 0}
-_MARK_SIZE = 8
+_TRUE = Stroke(INK, 3.2, "solid", 0.45)
+_SEEN = Stroke(ORANGE, 1.3)
 # Panels of more outputs than this are drawn in two columns.
 _MOST_IN_ONE_COLUMN = 3
 
 
-def figure_size(results: Sequence[RunResult]) -> tuple[float, float]:
-    """Return width and height of the figure of runs [inch]."""
-    columns, rows = _grid(len(panels_of(results)), results)
-    width = columns * _WIDTH
-    if columns > 1:
-        width *= 0.75
-    return width, rows * _HEIGHT + _AROUND
-
-
-def draw_experiment(figure: Figure, results: Sequence[RunResult]) -> None:
-    """Draw all runs of a case file on an empty figure, over time.
+def experiment_chart(results: Sequence[RunResult]) -> Chart:
+    """Return the chart of all runs of a case file over time.
 
     A panel whose requirement is not kept has a frame and names the requirement. Above the first
     one stand those that no panel shows, such as a cost.
     """
-    # Imported here: the document of curves needs no matplotlib.
-    from grosmc_mj.output.charts.figure import TITLE_SIZE, draw_legend_below
-
-    panels = panels_of(results)
-    columns, rows = _grid(len(panels), results)
-    axes = np.ravel(figure.subplots(rows, columns, sharex=True, squeeze=False))
-    for empty in axes[len(panels) :]:
-        empty.set_visible(False)
-
-    styles = law_styles(result.controller.name for result in results)
-    in_common_legend = []
-    for panel_axes, panel in zip(axes, panels, strict=False):
-        draw_panel(panel_axes, panel, styles, results)
-        judgements = judged_in(panel, results)
-        _draw_limits(panel_axes, panel, judgements)
-        failed = [item for item in judgements if not item.kept]
-        if panel is panels[0]:
-            failed = failures_without_panel(panels, results) + failed
-        _name_failures(panel_axes, failed)
-        if not panel.curves[0].name:
-            in_common_legend.append(panel_axes)
-
-    for lowest in axes[max(0, len(panels) - columns) : len(panels)]:
-        lowest.set_xlabel("time t [s]")
-        lowest.tick_params(labelbottom=True)
-    figure.suptitle(results[0].case.title, fontsize=TITLE_SIZE)
-    draw_legend_below(figure, in_common_legend)
-
-
-def _grid(panels: int, results: Sequence[RunResult]) -> tuple[int, int]:
-    """Return the numbers of columns and rows."""
+    quantities = panels_of(results)
     columns = 1
+    width = _WIDTH
     if len(results[0].comparison.outputs) > _MOST_IN_ONE_COLUMN:
         columns = 2
-    return columns, math.ceil(panels / columns)
+        width = 1.5 * _WIDTH
+
+    styles = law_styles(result.controller.name for result in results)
+    panels = []
+    for index, quantity in enumerate(quantities):
+        panel = _judged_panel(quantity, styles, results)
+        if index == 0:
+            failed = failures_without_panel(quantities, results)
+            panel = replace(panel, remark=f"{_named(failed)}\n{panel.remark}".strip())
+        if index >= len(quantities) - columns:
+            panel = replace(panel, x=replace(panel.x, title="time t [s]"))
+        panels.append(panel)
+
+    rows = [panels[first : first + columns] for first in range(0, len(panels), columns)]
+    size = (width, len(rows) * _HEIGHT + _AROUND)
+    return Chart(rows, title=results[0].case.title, size=size, shared="x")
 
 
-def draw_panel(
-    axes: Axes,
-    panel: Panel,
+def quantity_panel(
+    quantity: ShownQuantity,
     styles: dict[str, LawStyle],
     results: Sequence[RunResult],
-) -> None:
-    """Draw curves, reference, backlash and disturbances of a panel on its own axes."""
-    several_plants = len({curve.run.plant for curve in panel.curves}) > 1
-    for curve in panel.curves:
-        _draw_curve(axes, curve, styles, several_plants=several_plants)
-    if panel.curves[0].name:
-        # A legend of its own for these curves, above them, where it hides nothing.
-        axes.legend(
-            ncols=2, frameon=False, loc="lower right", bbox_to_anchor=(1, 1), borderaxespad=0
+) -> Panel:
+    """Return disturbances, backlash, curves and reference of a quantity."""
+    case = results[0].case
+    layers = disturbance_spans(case)
+    if quantity.play:
+        layers.append(
+            Span("y", -quantity.play / 2, quantity.play / 2, BLACK, 0.13, name="backlash")
         )
-    if panel.reference is not None:
+    several_plants = len({curve.run.plant for curve in quantity.curves}) > 1
+    for curve in quantity.curves:
+        layers += _curve_layers(curve, styles, several_plants=several_plants)
+    if quantity.reference is not None:
         time = results[0].comparison.time
-        axes.plot(time, panel.reference, label="reference", **REFERENCE)
-    if panel.play:
-        axes.axhspan(-panel.play / 2, panel.play / 2, label="backlash", **_PLAY)
-    axes.set_ylabel(panel.label)
-    shade_disturbances(axes, results[0].case)
-
-
-def _draw_curve(
-    axes: Axes,
-    curve: Curve,
-    styles: dict[str, LawStyle],
-    *,
-    several_plants: bool,
-) -> None:
-    """Draw a run's curve; if it jumps at every sample, its range and its mean."""
-    time = curve.time
-    values = curve.values
-    style = _style(curve, styles, several_plants=several_plants)
-    if not curve.name and curve.run.status is not Status.COMPLETED and len(time):
-        _mark_end(axes, time[-1], values[-1], style["color"])
-    if jumps(values[np.isfinite(values)]):
-        band = envelope(time, values)
-        axes.fill_between(
-            band.time, band.least, band.largest, color=style["color"], alpha=0.25, lw=0
-        )
-        time = band.time
-        values = band.mean
-    axes.plot(time, values, rasterized=True, **style)
-
-
-def _style(curve: Curve, styles: dict[str, LawStyle], *, several_plants: bool) -> dict[str, Any]:
-    """Return label and line of a curve."""
-    law = curve.run.controller.name
-    plant = curve.run.plant
-    if curve.name == "true":
-        return {"label": "true", **_TRUE}
-    if curve.name == "seen":
-        return {"label": f"seen by {label_of(law)}", **_SEEN}
-    # The name of a log may stand behind that of its plant.
-    kind, _, log = plant.partition(" ")
-    line = LINES[kind] if several_plants else _ALONE
-    label = f"{styles[law].label}, {PLANTS[kind]} {log}".rstrip()
-    return {"color": styles[law].colour, "label": label, **line}
-
-
-def _mark_end(
-    axes: Axes,
-    time: float,
-    value: float,
-    colour: str,
-) -> None:
-    """Mark the end of a run that ended early."""
-    axes.plot(time, value, "X", color=colour, mec="white", ms=9)
-    axes.annotate(
-        "ended",
-        (time, value),
-        (5, 3),
-        textcoords="offset points",
-        fontsize=_MARK_SIZE,
-        color=colour,
-        rotation=40,
+        layers.append(Curve(time, quantity.reference, REFERENCE, name="reference"))
+    return Panel(
+        layers,
+        Axis(low=0, high=case.duration),
+        Axis(quantity.label),
+        own_legend=bool(quantity.curves[0].name),
     )
 
 
-def _draw_limits(axes: Axes, panel: Panel, judgements: Sequence[Judgement]) -> None:
-    """Draw the limits of a panel, and a frame where one of them is not kept."""
-    failed_limits = [item.requirement for item in judgements if not item.kept]
-    for limit in dict.fromkeys(item.requirement for item in judgements):
-        style = {**_LIMIT, "label": "limit"}
-        if limit in failed_limits:
-            style = {**_LIMIT, "lw": 2.0, "label": "limit, not kept"}
-        for time, values in levels_of(limit, panel):
-            axes.plot(time, values, **style)
+def _judged_panel(
+    quantity: ShownQuantity,
+    styles: dict[str, LawStyle],
+    results: Sequence[RunResult],
+) -> Panel:
+    """Return the panel of a quantity with its limits; those that are not kept are named."""
+    panel = quantity_panel(quantity, styles, results)
+    judgements = judged_in(quantity, results)
+    failed = [item for item in judgements if not item.kept]
+    return replace(
+        panel,
+        layers=[*panel.layers, *_limit_layers(quantity, judgements)],
+        framed=bool(failed),
+        remark=_named(failed),
+    )
 
-    if failed_limits:
-        for side in axes.spines.values():
-            side.set(visible=True, color=FAILED, linewidth=1.6)
+
+def _curve_layers(
+    curve: RunSignal,
+    styles: dict[str, LawStyle],
+    *,
+    several_plants: bool,
+) -> list[Layer]:
+    """Return a run's curve; if it jumps at every sample, its range and its mean."""
+    stroke, label = _line_of(curve, styles, several_plants=several_plants)
+    layers = signal_layers(curve.time, curve.values, stroke, label)
+    if not curve.name and curve.run.status is not Status.COMPLETED and len(curve.time):
+        layers.append(
+            Marks(curve.time[-1:], curve.values[-1:], stroke.colour, "x", 9.0, text="ended")
+        )
+    return layers
+
+
+def _line_of(
+    curve: RunSignal,
+    styles: dict[str, LawStyle],
+    *,
+    several_plants: bool,
+) -> tuple[Stroke, str]:
+    """Return line and label of a curve."""
+    law = curve.run.controller.name
+    if curve.name == "true":
+        return _TRUE, "true"
+    if curve.name == "seen":
+        return _SEEN, f"seen by {label_of(law)}"
+    # The name of a log may stand behind that of its plant.
+    kind, _, log = curve.run.plant.partition(" ")
+    stroke = PLANT_LINES[kind] if several_plants else _ALONE
+    label = f"{styles[law].label}, {PLANTS[kind]} {log}".rstrip()
+    return stroke._replace(colour=styles[law].colour), label
+
+
+def _limit_layers(quantity: ShownQuantity, judgements: Sequence[Judgement]) -> list[Layer]:
+    """Return the lines of limits, thick where one is not kept."""
+    failed = [item.requirement for item in judgements if not item.kept]
+    layers: list[Layer] = []
+    for limit in dict.fromkeys(item.requirement for item in judgements):
+        broken = limit in failed
+        stroke = _BROKEN_LIMIT if broken else _LIMIT
+        name = "limit, not kept" if broken else "limit"
+        for time, values in levels_of(limit, quantity):
+            layers.append(Curve(time, values, stroke, name=name))
+    return layers
 
 
 def failures_without_panel(
-    panels: Sequence[Panel], results: Sequence[RunResult]
+    panels: Sequence[ShownQuantity], results: Sequence[RunResult]
 ) -> list[Judgement]:
     """Return the requirements that are not kept and that no panel shows."""
     shown: set[str] = set()
@@ -557,22 +539,21 @@ def failures_without_panel(
     return failed
 
 
-def _name_failures(axes: Axes, failed: Sequence[Judgement]) -> None:
-    """Write the requirements that are not kept above a panel, a line for each law."""
-    if failed:
-        lines = [f"not kept by {item.controller}: {item.requirement.words}" for item in failed]
-        title = "\n".join(dict.fromkeys(lines))
-        axes.set_title(title, loc="right", fontsize=_MARK_SIZE, color=FAILED, pad=3)
+def _named(failed: Sequence[Judgement]) -> str:
+    """Write the requirements that are not kept, a line for each law."""
+    lines = [f"not kept by {item.controller}: {item.requirement.words}" for item in failed]
+    return "\n".join(dict.fromkeys(lines))
 
 
-def shade_disturbances(axes: Axes, case: Experiment) -> None:
-    """Shade the time in which each disturbance of a case acts, on axes of the case's duration."""
-    from grosmc_mj.output.charts.figure import shade
-
+def disturbance_spans(case: Experiment) -> list[Layer]:
+    """Return the times in which each disturbance of a case acts."""
+    spans: list[Layer] = []
     for disturbance in case.disturbances:
         start, stop = disturbance.window
-        shade(axes, start, min(stop, case.duration), disturbance.title)
-    axes.set_xlim(0, case.duration)
+        spans.append(
+            Span("x", start, min(stop, case.duration), DISTURBANCE, name=disturbance.title)
+        )
+    return spans
 
 
 # -- as a document -------------------------------------------------------------------------------
@@ -631,7 +612,7 @@ def curves_document(results: Sequence[RunResult]) -> dict[str, Any]:
     }
 
 
-def _panel_document(panel: Panel, results: Sequence[RunResult]) -> dict[str, Any]:
+def _panel_document(panel: ShownQuantity, results: Sequence[RunResult]) -> dict[str, Any]:
     """Return one panel as plain values."""
     reference = None
     if panel.reference is not None:
@@ -649,7 +630,7 @@ def _panel_document(panel: Panel, results: Sequence[RunResult]) -> dict[str, Any
     }
 
 
-def _curve_document(curve: Curve) -> dict[str, Any]:
+def _curve_document(curve: RunSignal) -> dict[str, Any]:
     """Return the finite values of one curve as plain values."""
     document: dict[str, Any] = {
         "law": curve.run.controller.name,

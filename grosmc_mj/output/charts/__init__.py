@@ -1,1 +1,1 @@
-"""Charts of answers: figures and their style, charts of a result, ranges of fast signals."""
+"""One description of a chart; printed figures and those of a page are drawn from it."""

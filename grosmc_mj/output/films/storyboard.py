@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.output.charts.envelope import jumps
-from grosmc_mj.output.charts.figure import DEFAULTS, shade
+from grosmc_mj.output.charts.figure import DEFAULTS
 from grosmc_mj.output.films.film import Film, Take
 from grosmc_mj.output.films.frames import CLOCK, OVERSAMPLING, Box, Chart, Scene, Stage, Storyboard
 from grosmc_mj.output.films.scene import place, surroundings_of
@@ -395,7 +395,7 @@ def _draw(axes: Axes, plot: Plot, film: Film) -> list[Any]:
         if len(acts):
             begin = float(run.time[acts[0]])
             end = float(run.time[acts[-1] + 1])
-            shade(axes, max(begin, start), min(end, stop))
+            axes.axvspan(max(begin, start), min(end, stop), color=DISTURBANCE, alpha=0.13, lw=0)
     return lines
 
 

@@ -20,7 +20,9 @@
   // The page's colours, light or dark.
   function themed({ data, layout }) {
     const inked = JSON.parse(JSON.stringify({ data, layout }).replaceAll('"color":"ink"', `"color":"${style("--ink")}"`));
-    for (const { line } of inked.data) if (line?.color && line.color !== style("--ink")) line.color = lighter(line.color);
+    for (const { line, marker } of inked.data) for (const part of [line, marker]) {
+      if (typeof part?.color === "string" && /^#.{6}$/.test(part.color) && part.color !== style("--ink")) part.color = lighter(part.color);
+    }
     for (const key of new Set(["xaxis", "yaxis", ...Object.keys(layout).filter((each) => /^[xy]axis/.test(each))])) {
       inked.layout[key] = { ...inked.layout[key], gridcolor: style("--line"), zeroline: false };
     }

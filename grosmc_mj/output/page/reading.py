@@ -35,7 +35,7 @@ class LimitLine(Line):
     words: Text
 
 
-class Curve(Line):
+class RecordedCurve(Line):
     """Curve of a run; if it jumps at every sample, y is its mean and ``range`` its range."""
 
     law: Text
@@ -48,7 +48,7 @@ class CurvePanel(Part):
     """One quantity over time; ``play`` is a gear's backlash."""
 
     label: Text
-    curves: list[Curve]
+    curves: list[RecordedCurve]
     reference: Line | None = None
     limits: Sequence[LimitLine] = ()
     play: float = 0.0

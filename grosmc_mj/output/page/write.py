@@ -14,12 +14,13 @@ from typing import Any, NamedTuple
 
 import jinja2
 import markupsafe
-from plotly.offline import get_plotlyjs
 
 from grosmc_mj.ground.files import atomic_write
 from grosmc_mj.ground.versions import __version__
-from grosmc_mj.output.page.charts import Figure, chart_figure
-from grosmc_mj.output.page.curves import curves_figure
+from grosmc_mj.output.charts.chart import Chart
+from grosmc_mj.output.charts.interactive import PageFigure, page_figure, plotly_script
+from grosmc_mj.output.charts.of_results import chart_of
+from grosmc_mj.output.page.curves import curves_chart
 from grosmc_mj.output.page.reading import Curves, Document, Film, FilmClock, Results
 from grosmc_mj.output.page.verdicts import (
     MARKS,
@@ -87,7 +88,7 @@ def write_page(reading: Results, paths: Sequence[Path], path: Path) -> Page:
     answers = [answer for document in results for answer in _result(document).answers]
 
     # The functions below append figures and notices to these lists.
-    figures: list[Figure] = []
+    figures: list[PageFigure] = []
     notices = list(reading.notices)
     films = _films(documents, newest, notices)
     content = {
@@ -141,22 +142,22 @@ def _newest_curves(documents: Sequence[Document]) -> dict[tuple[str, str], Curve
     return newest
 
 
-def _story(story: Story, figures: list[Figure]) -> dict[str, Any]:
+def _story(story: Story, figures: list[PageFigure]) -> dict[str, Any]:
     """Return the sentence and the picture of a system."""
     curves = story.curves
-    figure = curves_figure(curves, [story.panel], only_main_plant=True)
+    chart = curves_chart(curves, [story.panel], only_main_plant=True)
     return {
         "system": curves.system,
         "case": f"{curves.case}: {curves.title}" if curves.title else curves.case,
         "sentence": story.sentence,
-        "plot": _plot(figure, figures),
+        "plot": _plot(chart, figures),
     }
 
 
 def _case(
     curves: Curves,
     films: Mapping[tuple[str, str], ShownFilm],
-    figures: list[Figure],
+    figures: list[PageFigure],
 ) -> dict[str, Any]:
     """Return the curves of a case, with its film."""
     windows = [
@@ -167,13 +168,14 @@ def _case(
         "name": f"{curves.system}/{curves.case}",
         "title": curves.title,
         "film": films.get((curves.system, curves.case)),
-        "plot": _plot(curves_figure(curves, curves.panels), figures),
+        "plot": _plot(curves_chart(curves, curves.panels), figures),
         "shaded": "; ".join(windows),
     }
 
 
-def _plot(figure: Figure, figures: list[Figure]) -> dict[str, Any]:
-    """Add a figure to those of the page; return its number, its height and its legend."""
+def _plot(chart: Chart, figures: list[PageFigure]) -> dict[str, Any]:
+    """Add a chart to the figures of the page; return its number, its height and its legend."""
+    figure = page_figure(chart)
     figures.append(figure)
     return {
         "figure": len(figures) - 1,
@@ -182,13 +184,13 @@ def _plot(figure: Figure, figures: list[Figure]) -> dict[str, Any]:
     }
 
 
-def _study(document: Document, figures: list[Figure]) -> dict[str, Any]:
+def _study(document: Document, figures: list[PageFigure]) -> dict[str, Any]:
     """Return the tables and charts of a result."""
     content = _result(document)
     name = content.answers[0].question if content.answers else document.path.stem
     sheets = []
     for sheet in content.sheets:
-        charts = [(chart.name, _plot(chart_figure(chart), figures)) for chart in sheet.charts]
+        charts = [(chart.name, _plot(chart_of(chart), figures)) for chart in sheet.charts]
         if sheet.table.rows or charts:
             sheets.append({"table": sheet.table, "charts": charts})
     return {
@@ -259,10 +261,10 @@ def _text(path: Path) -> str:
     return str(path).encode("utf-8", "replace").decode()
 
 
-def _render(content: Mapping[str, Any], figures: Sequence[Figure]) -> str:
+def _render(content: Mapping[str, Any], figures: Sequence[PageFigure]) -> str:
     """Fill the template; the page runs no script but the two whose hashes its policy names."""
     js = _page_file("page.js")
-    plotly = get_plotlyjs()
+    plotly = plotly_script()
     policy = (
         f"default-src 'none'; script-src {_hash(plotly)} {_hash(js)}; style-src 'unsafe-inline'; "
         "img-src data: blob:; media-src data:; base-uri 'none'; form-action 'none'"
@@ -291,7 +293,7 @@ def _hash(script: str) -> str:
     return f"'sha256-{base64.b64encode(digest).decode()}'"
 
 
-def _packed(figures: Sequence[Figure]) -> str:
+def _packed(figures: Sequence[PageFigure]) -> str:
     """Return the figures as compressed JSON, in letters that cannot end an element of HTML."""
     drawn = [{"data": figure.data, "layout": figure.layout} for figure in figures]
     text = json.dumps(plain(drawn), separators=(",", ":"), allow_nan=False)

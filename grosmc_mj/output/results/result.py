@@ -247,7 +247,7 @@ class GridChart(Part):
     legend: Sequence[Letter]
 
 
-Chart = Annotated[LineChart | CellChart | GridChart, Field(discriminator="form")]
+ResultChart = Annotated[LineChart | CellChart | GridChart, Field(discriminator="form")]
 
 
 class ReportTable(Part):
@@ -260,7 +260,7 @@ class ReportTable(Part):
     """
 
     table: Table
-    charts: Sequence[Chart] = ()
+    charts: Sequence[ResultChart] = ()
     brief: bool = False
 
 

@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.output.charts.charts import write_panels
-from grosmc_mj.output.charts.figure import figure_written, in_lines
+from grosmc_mj.output.charts.chart import Axis, Chart, Layer, Marks, Panel, Symbol
+from grosmc_mj.output.charts.figure import write_chart
+from grosmc_mj.output.charts.of_results import panels_chart
 from grosmc_mj.output.palette import BLACK, SKY, VERMILION, law_styles
 from grosmc_mj.studies.campaign.campaign import Campaign
 from grosmc_mj.studies.campaign.findings import Findings
@@ -30,17 +29,19 @@ _MOST_PLANTS = 4096
 
 
 class Mark(NamedTuple):
-    """Colour and marker of an outcome."""
+    """Colour and symbol of an outcome, and its size as a share of a circle's."""
 
     colour: str
-    marker: str
+    symbol: Symbol
+    size: float
 
 
 # The later ones lie above.
 _MARKS: Mapping[str, Mark] = {
-    "kept": Mark(SKY, "o"),
-    "failed": Mark(VERMILION, "X"),
-    "did not complete": Mark(BLACK, "^"),
+    "kept": Mark(SKY, "circle", 1.0),
+    # Crosses and triangles look smaller than circles.
+    "failed": Mark(VERMILION, "x", 1.2),
+    "did not complete": Mark(BLACK, "triangle-up", 1.2),
 }
 
 
@@ -82,13 +83,13 @@ def write_figures(
         sampled = findings.sampled._replace(runs=plants)
         words = f"{title}: all requirements ({sampled.words})"
         path = folder.path / "map.png"
-        files.append(write_pass_map(path, shown, words, findings.sampled.footnote))
+        files.append(write_chart(pass_map_chart(shown, words, findings.sampled.footnote), path))
 
     if reached:
         plants = max(search.plants for search in reached)
         words = f"{title}: scale of the uncertainty ({plants} plants at each)"
         charts = [chart(search) for search in reached]
-        files.append(write_panels(folder.path / "radius.png", words, [charts]))
+        files.append(write_chart(panels_chart(words, [charts]), folder.path / "radius.png"))
     return files
 
 
@@ -143,31 +144,23 @@ def _title(axis: Quantity) -> str:
     return f"{axis.name} [{unit or '1'}]"
 
 
-def write_pass_map(
-    path: Path,
-    shown: PassMap,
-    title: str,
-    footnote: str,
-) -> Path:
-    """Draw a panel for each law, with a mark for each plant."""
+def pass_map_chart(shown: PassMap, title: str, footnote: str) -> Chart:
+    """Return a panel for each law, with a mark for each plant."""
     styles = law_styles(shown.runs)
     across, up = shown.titles
-    width = _PANEL[0] * len(shown.runs)
-    with figure_written(path, (width + _LEGEND, _PANEL[1] + _TEXTS)) as figure:
-        figure.suptitle(in_lines(title, round(9 * width)), fontsize=13)
-        figure.supxlabel(in_lines(footnote, round(16 * width)), fontsize=8.5)
-        (panels,) = figure.subplots(1, len(shown.runs), squeeze=False, sharex=True, sharey=True)
-        for panel, law in zip(panels, shown.runs, strict=True):
-            x, y, margins = shown.runs[law]
-            _draw_plants(panel, x, y, margins)
-            kept = np.count_nonzero(margins >= 0)
-            panel.set_title(in_lines(f"{styles[law].label}: {kept} of {len(margins)} kept"))
-            panel.set_xlabel(across)
-        panels[0].set_ylabel(up)
-
-        margins_of_all = np.concatenate([margins for _, _, margins in shown.runs.values()])
-        figure.legend(handles=_legend(margins_of_all), loc="outside right upper", frameon=False)
-    return path
+    panels = []
+    for law, (x, y, margins) in shown.runs.items():
+        kept = np.count_nonzero(margins >= 0)
+        panels.append(
+            Panel(
+                _plants(x, y, margins),
+                Axis(across),
+                Axis(up if not panels else ""),
+                name=f"{styles[law].label}: {kept} of {len(margins)} kept",
+            )
+        )
+    size = (_PANEL[0] * len(panels) + _LEGEND, _PANEL[1] + _TEXTS)
+    return Chart([panels], title=title, size=size, note=footnote, legend="right", shared="xy")
 
 
 def _outcomes(margins: Array) -> dict[str, NDArray[np.bool_]]:
@@ -180,37 +173,12 @@ def _outcomes(margins: Array) -> dict[str, NDArray[np.bool_]]:
     }
 
 
-def _draw_plants(
-    panel: Axes,
-    x: Array,
-    y: Array,
-    margins: Array,
-) -> None:
-    """A mark for each plant, smaller the more there are."""
-    size = float(np.clip(16000 / len(margins), 3, 40))
-    for above, (outcome, plants) in enumerate(_outcomes(margins).items()):
-        mark = _MARKS[outcome]
-        panel.scatter(
-            x[plants],
-            y[plants],
-            # Crosses and triangles look smaller than circles.
-            s=size if mark.marker == "o" else 1.4 * size,
-            c=mark.colour,
-            marker=mark.marker,
-            linewidths=0,
-            zorder=2 + 0.1 * above,
-            rasterized=True,
-            label=outcome,
-        )
-    panel.margins(0.02)
-
-
-def _legend(margins: Array) -> list[Line2D]:
-    """An entry for each outcome that some plant has."""
-    entries = []
+def _plants(x: Array, y: Array, margins: Array) -> list[Layer]:
+    """Return a mark for each plant, smaller the more there are; failures lie above."""
+    size = float(np.sqrt(np.clip(16000 / len(margins), 3, 40)))
+    layers: list[Layer] = []
     for outcome, plants in _outcomes(margins).items():
         if plants.any():
-            colour, marker = _MARKS[outcome]
-            entry = Line2D([], [], ls="", marker=marker, color=colour, mew=0, ms=6, label=outcome)
-            entries.append(entry)
-    return entries
+            colour, symbol, share = _MARKS[outcome]
+            layers.append(Marks(x[plants], y[plants], colour, symbol, share * size, name=outcome))
+    return layers

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from grosmc_mj.experiments.case_document import case_document
-from grosmc_mj.output.charts.charts import write_panels
-from grosmc_mj.output.charts.figure import in_lines
+from grosmc_mj.output.charts.chart import in_lines
+from grosmc_mj.output.charts.figure import write_chart
+from grosmc_mj.output.charts.of_results import panels_chart
 from grosmc_mj.output.palette import label_of
 from grosmc_mj.output.results.result import (
     MEASURED,
@@ -111,7 +112,7 @@ def write_region_figure(region: RegionStudy, maps: Sequence[RegionMap], path: Pa
         SetupError: If a file cannot be written.
     """
     title = in_lines(f"{region.system.title}: from where each law converges", 60)
-    return write_panels(path, title, charts(region, maps))
+    return write_chart(panels_chart(title, charts(region, maps)), path)
 
 
 def region_result(

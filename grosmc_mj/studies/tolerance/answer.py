@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from grosmc_mj.output.charts.figure import in_lines
+from grosmc_mj.output.charts.chart import in_lines
 from grosmc_mj.output.results.result import (
     MEASURED,
     OPEN,

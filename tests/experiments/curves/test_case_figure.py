@@ -14,8 +14,7 @@ from matplotlib.figure import Figure
 
 from grosmc_mj.experiments.answer.curves import (
     curves_document,
-    draw_experiment,
-    figure_size,
+    experiment_chart,
     levels_of,
     panel_of,
     panels_of,
@@ -25,6 +24,7 @@ from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.requirements.magnitudes import StaysWithin
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.output.charts.envelope import envelope
+from grosmc_mj.output.charts.figure import drawn
 from grosmc_mj.output.palette import FAILED
 from grosmc_mj.simulation.trajectory import Status
 
@@ -49,9 +49,7 @@ PUSHED = short_run("arm", '"joint angle" = "0 rad"', "1 s") + PUSH
 
 
 def figure_of(runs: list[RunResult]) -> Figure:
-    figure = Figure(figsize=figure_size(runs))
-    draw_experiment(figure, runs)
-    return figure
+    return drawn(experiment_chart(runs))
 
 
 def labels(figure: Figure) -> list[str]:
@@ -266,8 +264,7 @@ def test_a_run_that_ended_early_is_marked(tmp_path) -> None:
     runs = list(load(tmp_path, PUSHED).runs())
     ended = [run for run in runs if run.status is not Status.COMPLETED]
     assert ended
-    figure = Figure()
-    draw_experiment(figure, runs)
+    figure = figure_of(runs)
     assert [text.get_text() for text in figure.axes[0].texts] == ["ended"] * len(ended)
 
 

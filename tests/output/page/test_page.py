@@ -31,8 +31,8 @@ from page_documents import (
 from plotly.offline import get_plotlyjs
 
 from grosmc_mj import cli
-from grosmc_mj.output.page.charts import Figure
-from grosmc_mj.output.page.curves import curves_figure
+from grosmc_mj.output.charts.interactive import PageFigure, page_figure
+from grosmc_mj.output.page.curves import curves_chart
 from grosmc_mj.output.page.reading import Curves, read_results
 from grosmc_mj.output.page.verdicts import required_verdicts, systems_table
 from grosmc_mj.output.page.write import Page, write_page
@@ -233,9 +233,9 @@ def test_a_curve_has_the_colour_of_its_law(curve: dict[str, Any]) -> None:
     assert curve["line"]["color"] == "#D55E00"
 
 
-def test_curves_have_the_windows_of_disturbances(written: Written) -> None:
+def test_each_panel_has_the_windows_of_disturbances(written: Written) -> None:
     _, curves, *_ = written.figures
-    assert [shape["x0"] for shape in curves["layout"]["shapes"]] == [1.0, 0]
+    assert [shape["x0"] for shape in curves["layout"]["shapes"]] == [1.0, 1.0, 0]
 
 
 def test_cells_have_their_values(written: Written) -> None:
@@ -254,23 +254,23 @@ def test_a_grid_has_the_number_of_each_letter(written: Written) -> None:
     assert grid["data"][0]["x"] == [-0.75, 0.75]
 
 
-def test_lines_have_their_numbers_with_a_cross_where_not_kept(written: Written) -> None:
+def test_lines_have_their_numbers_with_a_hollow_symbol_where_not_kept(written: Written) -> None:
     *_, lines = written.figures
     (series,) = lines["data"]
     assert series["x"] == [50.0, 100.0]
     assert series["y"] == [2.0, None]
-    assert series["marker"]["symbol"] == ["x", "circle"]
-    assert [shape["x0"] for shape in lines["layout"]["shapes"]] == [0, 62.5]
+    assert series["marker"]["symbol"] == ["circle-open", "circle"]
+    assert [shape["x0"] for shape in lines["layout"]["shapes"]] == [62.5, 0]
 
 
 # Curves.
 
 
-def figure(panel: dict[str, Any], **fields: Any) -> Figure:
+def figure(panel: dict[str, Any], **fields: Any) -> PageFigure:
     """Return the figure of a case with one panel."""
     content = {**CURVES, "panels": [panel], **fields}
     curves = Curves.model_validate(json.loads(json.dumps(content)))
-    return curves_figure(curves, curves.panels)
+    return page_figure(curves_chart(curves, curves.panels))
 
 
 def law_curve(law: str, plant: str, last: float) -> dict[str, Any]:

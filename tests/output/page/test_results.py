@@ -17,12 +17,13 @@ from rich.console import Console
 from grosmc_mj.chapter.claims.formulas import in_text
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import SetupError
-from grosmc_mj.output.charts.charts import write_cells, write_panels
+from grosmc_mj.output.charts.chart import Axis, Chart, Curve, Layer, Panel
 from grosmc_mj.output.charts.envelope import jumps
-from grosmc_mj.output.charts.figure import draw_legend_below, figure_written
-from grosmc_mj.output.page.charts import chart_figure
+from grosmc_mj.output.charts.figure import drawn, write_chart
+from grosmc_mj.output.charts.interactive import page_figure
+from grosmc_mj.output.charts.of_results import chart_of, panels_chart
 from grosmc_mj.output.palette import CELLS as CELL_COLOURS
-from grosmc_mj.output.palette import FAILED, KEPT, LABELS, label_of
+from grosmc_mj.output.palette import COLOURS, FAILED, INK, KEPT, LABELS, Stroke, label_of
 from grosmc_mj.output.results import tables
 from grosmc_mj.output.results.document import json_text, write_json
 from grosmc_mj.output.results.result import CellChart, LineChart, Series
@@ -214,23 +215,19 @@ def test_no_figure_is_written_if_one_of_its_files_cannot_be(
         save(self, file, **options)
 
     monkeypatch.setattr(Figure, "savefig", save_on_a_full_disk)
-    with (
-        pytest.raises(SetupError, match="No space left"),
-        figure_written(tmp_path / "a.png", (1, 1)),
-    ):
-        pass
+    with pytest.raises(SetupError, match="No space left"):
+        write_chart(Chart([[Panel([])]], size=(1, 1)), tmp_path / "a.png")
     assert not list(tmp_path.iterdir())
 
 
 def test_a_legend_below_stays_within_its_figure(tmp_path: Path) -> None:
     labels = [f"implicit, predicted, corrected equations {i}" for i in range(2)]
-    with figure_written(tmp_path / "a.png", (7.2, 4.0)) as figure:
-        axes = figure.subplots()
-        for label in [*labels, *"aaaaaaa"]:
-            axes.plot([0, 1], label=label)
-        draw_legend_below(figure, [axes])
-
+    curves = [Curve([0, 1], [0, 1], Stroke(INK), name=name) for name in [*labels, *"abcdefg"]]
+    chart = Chart([[Panel(curves)]], size=(7.2, 4.0))
+    write_chart(chart, tmp_path / "a.png")
     assert {file.name for file in tmp_path.iterdir()} == {"a.png", "a.svg"}
+    figure = drawn(chart)
+    figure.draw_without_rendering()
     box = figure.legends[0].get_window_extent()
     assert figure.bbox.x0 <= box.x0 <= box.x1 <= figure.bbox.x1
 
@@ -254,15 +251,8 @@ def test_only_a_signal_that_switches_at_every_sample_jumps(signal: Array, expect
 CELLS = CellChart.of("kept", {("law", "a"): (-1.0, "✓", ""), ("law", "b"): (2.0, "✗", "")}, 2.0)
 
 
-def test_cells_of_a_figure_have_a_colour_for_kept_partly_and_failed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    figures: list[Figure] = []
-    write = "grosmc_mj.output.charts.figure.write_figure"
-    monkeypatch.setattr(write, lambda figure, files: figures.append(figure))
-    write_cells(tmp_path / "a.png", "a", [CELLS], "a note")
-
-    image = figures[0].axes[0].images[0]
+def test_cells_of_a_figure_have_a_colour_for_kept_partly_and_failed() -> None:
+    image = drawn(chart_of(CELLS)).axes[0].images[0]
     assert np.asarray(image.get_array())[0, :2].tolist() == [-1.0, 2.0]
     colours = np.asarray(image.cmap(image.norm(np.array([-2.0, 0.0, 2.0]))))[:, :3]
     # A colour map has 256 steps.
@@ -270,29 +260,89 @@ def test_cells_of_a_figure_have_a_colour_for_kept_partly_and_failed(
         assert colour == pytest.approx(to_rgb(expected), abs=5e-3)
 
 
-def test_a_point_that_is_not_judged_is_not_marked_as_failed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    figures: list[Figure] = []
-    write = "grosmc_mj.output.charts.figure.write_figure"
-    monkeypatch.setattr(write, lambda figure, files: figures.append(figure))
-    curve = Series(name="J", x=[1.0, 2.0, 3.0], y=[4.0, 5.0, 6.0], good=[True, None, False])
-    chart = LineChart(name="J", titles=("rate", "J"), lines=[curve])
-    write_panels(tmp_path / "a.png", "a", [[chart]])
-    _, failed, *_ = figures[0].axes[0].lines
-    assert list(np.asarray(failed.get_xdata())) == [3.0]
-
-
 @pytest.mark.parametrize(("end", "colour"), [(0, KEPT), (-1, FAILED)])
 def test_cells_of_the_page_have_the_hues_of_a_figure(end: int, colour: str) -> None:
-    (heat_map,) = chart_figure(CELLS).data
+    (heat_map,) = page_figure(chart_of(CELLS)).data
     hue = rgb_to_hsv(to_rgb(heat_map["colorscale"][end][1]))[0]
     assert hue == pytest.approx(rgb_to_hsv(to_rgb(colour))[0], abs=0.02)
 
 
+def lines(*curves: Series, **fields: Any) -> Chart:
+    """Return the chart of curves."""
+    return chart_of(LineChart(name="J", titles=("rate", "J"), lines=curves, **fields))
+
+
+JUDGED = lines(Series(name="J", x=[1.0, 2.0, 3.0], y=[4.0, 5.0, 6.0], good=[True, None, False]))
+
+
+def test_a_point_that_is_not_judged_is_not_marked_as_failed() -> None:
+    _, failed, *_ = drawn(JUDGED).axes[0].lines
+    assert list(np.asarray(failed.get_xdata())) == [3.0]
+
+
+def test_the_page_marks_the_points_that_a_figure_marks() -> None:
+    (curve,) = page_figure(JUDGED).data
+    assert curve["marker"]["symbol"] == ["circle", "circle", "circle-open"]
+
+
 @pytest.mark.parametrize(("first", "marks"), [(1.0, [20.0]), (90.0, [0.0, 20.0])])
 def test_a_mark_at_zero_is_left_out_of_a_logarithmic_axis(first: float, marks: list[float]) -> None:
-    curve = Series(name="J", x=[first, 100.0], y=[1.0, 2.0])
-    chart = LineChart(name="J", titles=("rate", "J"), lines=[curve], marks=[0.0, 20.0])
-    layout = chart_figure(chart).layout
-    assert [shape["x0"] for shape in layout["shapes"]] == marks
+    chart = lines(Series(name="J", x=[first, 100.0], y=[1.0, 2.0]), marks=[0.0, 20.0])
+    assert [shape["x0"] for shape in page_figure(chart).layout["shapes"]] == marks
+    assert [np.ravel(line.get_xdata())[0] for line in drawn(chart).axes[0].lines[1:]] == marks
+
+
+def scales(chart: Chart) -> tuple[tuple[str, str], tuple[str, str]]:
+    """Return the scales of both axes in a figure and on the page."""
+    axes = drawn(chart).axes[0]
+    layout = page_figure(chart).layout
+    return (axes.get_xscale(), axes.get_yscale()), (
+        layout["xaxis"]["type"],
+        layout["yaxis"]["type"],
+    )
+
+
+@pytest.mark.parametrize(
+    ("y", "scale"),
+    [([1.0, 20.0], "log"), ([1.0, 9.0], "linear"), ([-90.0, 180.0], "linear")],
+    ids=["decades", "near", "a phase"],
+)
+def test_a_figure_and_the_page_have_one_scale(y: list[float], scale: str) -> None:
+    chart = lines(Series(name="J", x=[1.0, 2.0], y=y))
+    assert scales(chart) == (("linear", scale), ("linear", scale))
+
+
+def test_words_along_an_axis_stand_in_their_order() -> None:
+    chart = lines(Series(name="J", x=["sgn", "tanh"], y=[1.0, 2.0]))
+    axes = drawn(chart).axes[0]
+    assert [text.get_text() for text in axes.get_xticklabels()] == ["sgn", "tanh"]
+    assert page_figure(chart).layout["xaxis"]["ticktext"] == ["sgn", "tanh"]
+
+
+def test_a_law_has_one_colour_in_all_panels() -> None:
+    """It had that of its place in each panel, where a law may be missing."""
+    both = [Series(name=law, x=[1.0, 2.0], y=[1.0, 2.0]) for law in ("lqr", "implicit")]
+    charts = [
+        LineChart(name="J", titles=("rate", "J"), lines=curves) for curves in (both, both[1:])
+    ]
+    figure = drawn(panels_chart("a", [charts]))
+    first, second = [[line.get_color() for line in axes.lines] for axes in figure.axes]
+    assert first[0] == COLOURS["lqr"]
+    assert first[1] == second[0]
+
+
+def test_an_axis_that_is_linear_about_zero_has_powers_of_ten_on_the_page() -> None:
+    layers: list[Layer] = [Curve([0.0, 1.0], [-1e-3, 1.0], Stroke(INK))]
+    panel = Panel(layers, y=Axis("y", "symlog", linear=1e-3))
+    figure = page_figure(Chart([[panel]]))
+    low, high = figure.data[0]["y"]
+    # It is asinh of the value over the linear part.
+    assert (low, high) == (pytest.approx(-math.asinh(1)), pytest.approx(math.asinh(1e3)))
+    ticks = dict(
+        zip(
+            figure.layout["yaxis"]["ticktext"],
+            figure.layout["yaxis"]["tickvals"],
+            strict=True,
+        )
+    )
+    assert ticks["1"] == pytest.approx(high)

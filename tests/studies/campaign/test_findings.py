@@ -3,23 +3,21 @@
 import json
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from campaign_cases import BOTH, PAIR, campaign, falling, kept, pair, servo
-from commands import Patch
-from matplotlib.colors import to_hex
 from rich.console import Console
 
+from grosmc_mj.output.charts.figure import drawn
 from grosmc_mj.output.results.document import json_text
 from grosmc_mj.output.results.tables import WIDTH
 from grosmc_mj.studies.campaign.campaign import Campaign
 from grosmc_mj.studies.campaign.drivers import LEVEL, Sensitivity, drivers_table, sensitivities
 from grosmc_mj.studies.campaign.findings import Findings, campaign_result, findings, findings_tables
 from grosmc_mj.studies.campaign.folder import Folder
-from grosmc_mj.studies.campaign.map import PassMap, map_axes, write_pass_map
+from grosmc_mj.studies.campaign.map import PassMap, map_axes, pass_map_chart
 from grosmc_mj.studies.campaign.paired import paired, paired_table
 from grosmc_mj.studies.campaign.promise import Promise
 from grosmc_mj.studies.campaign.radius import Radius, ScaleTrial, chart
@@ -437,24 +435,20 @@ MAP_Y = np.linspace(-20, 20, 8)
 TITLES = ("mass scale [1]", "angle [deg]")
 
 
-@pytest.fixture
-def map_figure(monkeypatch: Patch) -> Any:
+@pytest.fixture(scope="module")
+def map_figure() -> Any:
     """The figure of a map of eight plants under two laws."""
-    figures: list[Any] = []
-    door = "grosmc_mj.output.charts.figure.write_figure"
-    monkeypatch.setattr(door, lambda figure, _: figures.append(figure))
     laws = {"grosmc": (MAP_X, MAP_Y, MARGINS), "lqr": (MAP_X, MAP_Y, MAP_X)}
-    write_pass_map(Path("map.png"), PassMap(TITLES, laws), "8 of 16 runs", NO_PROOF)
-    return figures[0]
+    return drawn(pass_map_chart(PassMap(TITLES, laws), "8 of 16 runs", NO_PROOF))
 
 
 def test_a_map_marks_plants_by_their_outcome(map_figure: Any) -> None:
-    marks = map_figure.axes[0].collections
+    marks = map_figure.axes[0].lines
     assert len(marks) == 3
     for mark, (outcome, plants) in zip(marks, OUTCOMES.items(), strict=True):
         assert mark.get_label() == outcome
         expected = np.stack([MAP_X, MAP_Y], axis=1)[plants]
-        np.testing.assert_array_equal(mark.get_offsets(), expected)
+        np.testing.assert_array_equal(mark.get_xydata(), expected)
 
 
 def test_the_legend_of_a_map_names_the_outcomes(map_figure: Any) -> None:
@@ -463,19 +457,17 @@ def test_the_legend_of_a_map_names_the_outcomes(map_figure: Any) -> None:
 
 
 def test_marks_of_a_map_differ_in_colour(map_figure: Any) -> None:
-    marks = map_figure.axes[0].collections
-    assert len({to_hex(mark.get_facecolor()[0]) for mark in marks}) == 3
+    assert len({mark.get_color() for mark in map_figure.axes[0].lines}) == 3
 
 
 def test_marks_of_a_map_differ_in_form(map_figure: Any) -> None:
-    marks = map_figure.axes[0].collections
-    assert len({len(mark.get_paths()[0].vertices) for mark in marks}) == 3
+    assert len({mark.get_marker() for mark in map_figure.axes[0].lines}) == 3
 
 
 def test_a_map_counts_the_plants_that_are_kept(map_figure: Any) -> None:
     first, second = map_figure.axes
-    assert first.get_title() == "GROSMC: 5 of 8 kept"
-    assert second.get_title() == "LQR: 8 of 8 kept"
+    assert first.get_title(loc="left") == "GROSMC: 5 of 8 kept"
+    assert second.get_title(loc="left") == "LQR: 8 of 8 kept"
     assert (first.get_xlabel(), first.get_ylabel()) == TITLES
 
 

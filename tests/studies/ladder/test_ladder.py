@@ -678,7 +678,7 @@ def test_a_stopped_ladder_goes_on_to_the_same_bytes(
         else:
             raise stop
 
-    monkeypatch.setattr("grosmc_mj.output.charts.charts.write_cells", lambda path, *_: path)
+    monkeypatch.setattr("grosmc_mj.output.charts.figure.write_chart", lambda _, path: path)
     climber.at_delay = stopped
     file = tmp_path / "ladder_servo_machine.json"
     command = ("study", "ladder", "servo", "--laws", "lqr", "--out", tmp_path)
@@ -711,7 +711,7 @@ def test_a_law_that_keeps_everything_on_no_rung_is_a_verdict(
         return row(rung.name, 2.0, law.name, group=group, condition=condition.name)
 
     monkeypatch.setattr(study, "run_rung", never_kept)
-    monkeypatch.setattr("grosmc_mj.output.charts.charts.write_cells", lambda path, *_: path)
+    monkeypatch.setattr("grosmc_mj.output.charts.figure.write_chart", lambda _, path: path)
     command = ("study", "ladder", "servo", "--laws", "lqr", "--out", tmp_path)
     assert run(*command) == cli.DIFFERS
 
@@ -726,7 +726,7 @@ def test_a_ladder_of_another_version_is_climbed_anew(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("grosmc_mj.output.charts.charts.write_cells", lambda path, *_: path)
+    monkeypatch.setattr("grosmc_mj.output.charts.figure.write_chart", lambda _, path: path)
     command = ("study", "ladder", "servo", "--laws", "lqr", "--out", tmp_path)
     assert run(*command) == cli.DONE
     everything = climber.ran[:]

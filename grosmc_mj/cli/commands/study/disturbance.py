@@ -102,12 +102,13 @@ class DisturbanceCommand(FilmedStudyCommand["DisturbanceStudy", "WorstDisturbanc
     ) -> Sequence[Path]:
         """Draw the figure and write the case files."""
         from grosmc_mj.ground.files import atomic_write, name_in_files
-        from grosmc_mj.output.charts.charts import write_panels
+        from grosmc_mj.output.charts.figure import write_chart
+        from grosmc_mj.output.charts.of_results import panels_chart
         from grosmc_mj.studies.disturbance.answer import case_text, charts
 
         title = f"{study.experiment.target}: worst disturbance on {self.on}"
         figure = path.with_suffix(".png")
-        write_panels(figure, title, [charts(study, worst) for worst in rows])
+        write_chart(panels_chart(title, [charts(study, worst) for worst in rows]), figure)
 
         files = [figure]
         for worst in rows:

@@ -81,13 +81,14 @@ class MarginsCommand(StudyCommand["MarginStudy", "LawMargins"]):
 
     def draw(self, study: MarginStudy, rows: Sequence[LawMargins], path: Path) -> Sequence[Path]:
         """Draw the figure, a row of charts for each setup."""
-        from grosmc_mj.output.charts.charts import write_panels
+        from grosmc_mj.output.charts.figure import write_chart
+        from grosmc_mj.output.charts.of_results import panels_chart
         from grosmc_mj.studies.margins.answer import by_setup
         from grosmc_mj.studies.margins.figure import charts
 
         panels = [charts(setup, of_setup) for setup, of_setup in by_setup(study, rows)]
         title = f"{study.target}: L at the plant's input, and its delay margin"
-        return (write_panels(path.with_suffix(".png"), title, panels),)
+        return (write_chart(panels_chart(title, panels), path.with_suffix(".png")),)
 
     def keeps(self, study: MarginStudy, rows: Sequence[LawMargins]) -> bool:
         """Whether each law keeps the task under some condition."""
