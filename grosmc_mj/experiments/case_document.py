@@ -6,24 +6,11 @@ An experiment writes documents of its runs: here it is known by its attributes.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from grosmc_mj.simulation.disturbances import (
-    AnyDisturbance,
-    Disturbance,
-    InputDisturbance,
-    OutputDisturbance,
-    RateDisturbance,
-)
-
-# Key of a case file for what a disturbance with an amplitude acts on.
-_KEYS: Mapping[type[AnyDisturbance], str] = {
-    InputDisturbance: "input",
-    OutputDisturbance: "measured",
-    RateDisturbance: "state",
-}
+from grosmc_mj.experiments.file.keys import key_name
+from grosmc_mj.simulation.disturbances import AnyDisturbance, Disturbance
 
 
 def seed_of(case: Any) -> int | None:
@@ -53,7 +40,7 @@ def _disturbance_document(disturbance: AnyDisturbance) -> dict[str, Any]:
     if isinstance(disturbance, Disturbance):
         document = {"body": disturbance.body, "wrench": list(disturbance.wrench)}
     else:
-        key = _KEYS[type(disturbance)]
+        key = key_name(type(disturbance), disturbance.noun)
         document = {key: disturbance.of, "amplitude": disturbance.amplitudes[0]}
     return {**document, "profile": _profile_in_words(disturbance.profile)}
 

@@ -14,9 +14,11 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.experiments.consistency import refuse_inconsistent
+from grosmc_mj.experiments.file.disturbance_tables import disturbances_of
 from grosmc_mj.experiments.file.numbers import in_order, uncertainty
 from grosmc_mj.experiments.file.parts import (
     LOOP_PARTS,
+    edits_of,
     known_loop_of_file,
     loop_of_file,
     machine_of_file,
@@ -27,7 +29,7 @@ from grosmc_mj.experiments.file.reading import case_file_of, read_case_file
 from grosmc_mj.experiments.file.schema import CaseFile, ControllerTable, RequirementTable
 from grosmc_mj.experiments.file.shipped import find_file
 from grosmc_mj.experiments.file.user_code import blamed, is_named, named_in
-from grosmc_mj.experiments.file.values import disturbances_of, edits_of, state_of
+from grosmc_mj.experiments.file.values import state_of
 from grosmc_mj.experiments.law_numbers import OF_FILE
 from grosmc_mj.experiments.laws import LawRequest, design, knows_limits
 from grosmc_mj.experiments.number import find_number

@@ -17,7 +17,8 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any, NamedTuple, TypeVar
 
 from grosmc_mj.experiments.file.content import Content
-from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, in_model
+from grosmc_mj.experiments.file.part_tables import in_model
+from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS
 from grosmc_mj.experiments.file.paths import Place, edited_by, place_of
 from grosmc_mj.experiments.law_numbers import OF_FILE, first_value, number_of_table
 from grosmc_mj.experiments.steps import Change, Entry, Member, Onset, Steps, value_at, with_values
@@ -31,7 +32,6 @@ from grosmc_mj.mechanics.physics.files import body_names, joint_names
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import AnyDisturbance, Pulse
 from grosmc_mj.simulation.loop.timing import TIMES, time_as_run
-from grosmc_mj.theory.plants.owner_units import GEAR
 
 # An Experiment, whose module imports this one.
 Case = TypeVar("Case")
@@ -290,10 +290,7 @@ def find_number(case: Any, path: str, place: Place) -> Number | None:
 def _unit(case: Any, part: _Part, field: str, bounds: Range) -> str:
     """Return the unit of a number of a part."""
     system = case.nominal.system
-    if part.kind is JointEdit:
-        return system.joint_units(part.of)[field]
-    if part.kind is InputEdit:
-        return GEAR.in_system(system, part.of)
+    # A disturbance has the name of its label here.
     if field == "amplitude":
         return value_at(case, part.steps).unit(system)
     return bounds.unit_in(system, part.of)

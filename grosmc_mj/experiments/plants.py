@@ -10,10 +10,10 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
 
-from grosmc_mj.experiments.file.parts import MACHINE_PARTS
+from grosmc_mj.experiments.file.parts import MACHINE_PARTS, edits_of, scales_of
 from grosmc_mj.experiments.file.schema import CaseFile
 from grosmc_mj.experiments.file.user_code import blamed, load_named
-from grosmc_mj.experiments.file.values import edits_of, states_of
+from grosmc_mj.experiments.file.values import states_of
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.errors import ArgumentError, PremiseError, SetupError, value_text
 from grosmc_mj.mechanics.physics.edit import Edit
@@ -150,25 +150,24 @@ def nominal_plant(file: CaseFile, folder: Path) -> NominalPlant:
         GrosmcError: If there is no such plant, or it cannot be edited like that.
     """
     nominal = _named(file, folder)
-    parameters = [table.parameter for table in file.edit if table.parameter is not None]
+    scales = scales_of(file, nominal.system)
     if isinstance(nominal.plant, MujocoPlant):
-        if parameters:
+        if scales:
             raise ArgumentError(
                 f"edit: {nominal.system.name} has a model in MuJoCo: edit a body instead of "
-                f"{parameters[0]!r}"
+                f"{scales[0].parameter!r}"
             )
         return _with_known(nominal, edits_of(file, nominal.system, known=True))
 
     if any(getattr(file, kind) for kind in MACHINE_PARTS):
         raise ArgumentError(f"{nominal.system.name} has no model in MuJoCo, so no machine as built")
-    if len(parameters) < len(file.edit):
+    if len(scales) < len(file.edit):
         raise ArgumentError(
             f"edit: {nominal.system.name} has no model in MuJoCo: edit a parameter instead"
         )
-    for name in parameters:
-        require_known("parameter", name, vars(nominal.plant.parameters), "edit: ")
-    scales = tuple((table.parameter or "", table.scale or 0.0) for table in file.edit)
-    return replace(nominal, scales=scales)
+    for scale in scales:
+        require_known("parameter", scale.parameter, vars(nominal.plant.parameters), "edit: ")
+    return replace(nominal, scales=tuple((scale.parameter, scale.scale) for scale in scales))
 
 
 # A model is compiled once for all experiments on it.

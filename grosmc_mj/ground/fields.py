@@ -92,6 +92,7 @@ class Range(Check):
         infinite: Whether infinity is allowed; it stands for "no limit".
         whole: Whether the number must be whole.
         usual: Smallest and largest usual size; by default those of the unit.
+        bare: Whether a case file may have it without its unit, which is the SI unit then.
     """
 
     low: float = -math.inf
@@ -102,6 +103,7 @@ class Range(Check):
     infinite: bool = False
     whole: bool = False
     usual: tuple[float, float] | None = None
+    bare: bool = False
 
     def unit_in(self, system: Any, of: str) -> str:
         """Return the unit of a number of a system.
@@ -282,9 +284,11 @@ class Numbers(Check):
 
     Attributes:
         count: Number of numbers.
+        unit: Unit of each; empty for pure numbers.
     """
 
     count: int
+    unit: str = ""
 
     def __call__(self, value: Any) -> tuple[float, ...]:
         """Return the numbers as floats."""
@@ -292,6 +296,17 @@ class Numbers(Check):
         if array.shape != (self.count,) or not np.all(np.isfinite(array)):
             raise refusal(f"{self.count} finite numbers")
         return tuple(array.tolist())
+
+
+@dataclass(frozen=True)
+class KeyName:
+    """A field whose key in a case file has another name.
+
+    Attributes:
+        name: Name of the key; empty for a field that no key gives.
+    """
+
+    name: str
 
 
 class _Name(Check):
@@ -308,6 +323,7 @@ Positive = Annotated[float, Range(0, above=True)]
 NotNegative = Annotated[float, Range(0)]
 Seconds = Annotated[float, Range(0, unit="s")]
 Vector = Annotated[tuple[float, float, float], Numbers(3)]
+Point = Annotated[tuple[float, float, float], Numbers(3, "m")]
 Name = Annotated[str, _Name()]
 Flag = Annotated[bool, Is((bool, np.bool_), "True or False")]
 
@@ -434,10 +450,15 @@ def range_of(kind: type, field: str) -> Range | None:
         kind: The dataclass.
         field: Name of the field.
     """
-    hint = get_type_hints(kind, include_extras=True)[field]
-    # An optional number is a union, whose arguments have the annotations.
-    for part in (hint, *get_args(hint)):
-        for note in getattr(part, "__metadata__", ()):
-            if isinstance(note, Range):
-                return note
+    for note in notes_on(get_type_hints(kind, include_extras=True).get(field)):
+        if isinstance(note, Range):
+            return note
     return None
+
+
+def notes_on(hint: Any) -> list[Any]:
+    """Return the annotations of a type; of an optional one, a union, those of its parts."""
+    notes: list[Any] = []
+    for part in (hint, *get_args(hint)):
+        notes += getattr(part, "__metadata__", ())
+    return notes

@@ -419,13 +419,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 Seconds = Annotated[float, BeforeValidator(partial(number_in, unit="s"))]
 # No default stands for a time of 0 s that somebody has written.
 PositiveSeconds = Annotated[Seconds, AfterValidator(_positive)]
-Kilograms = Annotated[float, BeforeValidator(partial(number_in, unit="kg"))]
-KilogramMetresSquared = Annotated[float, BeforeValidator(partial(number_in, unit="kg m^2"))]
 Metres = Annotated[float, BeforeValidator(partial(number_in, unit="m"))]
-Newtons = Annotated[float, BeforeValidator(partial(number_in, unit="N"))]
-NewtonMetres = Annotated[float, BeforeValidator(partial(number_in, unit="N m"))]
-Radians = Annotated[float, BeforeValidator(partial(number_in, unit="rad"))]
-RadiansPerSecond = Annotated[float, BeforeValidator(partial(number_in, unit="rad/s"))]
 Three = Field(min_length=3, max_length=3)
 
 

@@ -17,10 +17,21 @@ import numpy as np
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.compilation.jitable import jitable
 from grosmc_mj.ground.errors import ArgumentError, unknown_name, value_text
-from grosmc_mj.ground.fields import Finite, Flag, Is, Name, Numbers, Range, Reals, checked
+from grosmc_mj.ground.fields import (
+    Flag,
+    Is,
+    KeyName,
+    Name,
+    Numbers,
+    Range,
+    Reals,
+    checked,
+    range_of,
+)
 from grosmc_mj.ground.refusals import refusal
 from grosmc_mj.simulation.loop.timing import steps_in
 from grosmc_mj.theory.plants import System
+from grosmc_mj.theory.plants.owner_units import INPUT, STATE, STATE_RATE
 
 # Kinds of courses in time: one of the formulas below, values at all timesteps, or a table.
 CONSTANT = 0.0
@@ -156,10 +167,15 @@ class Constant(_Formula):
 
 @checked(label="pulse")
 class Pulse(_Formula):
-    """1 for start <= t < stop [s], else 0."""
+    """1 for start <= t < stop, else 0.
 
-    start: Annotated[float, Range(unit="s", infinite=True)]
-    stop: Annotated[float, Range(unit="s", infinite=True)]
+    Attributes:
+        start: Begin of the pulse [s].
+        stop: End of the pulse [s]; infinite for none.
+    """
+
+    start: Annotated[float, Range(unit="s", infinite=True)] = 0.0
+    stop: Annotated[float, Range(unit="s", infinite=True)] = math.inf
 
     def __post_init__(self) -> None:
         if not self.start < self.stop:
@@ -279,7 +295,8 @@ class AnyDisturbance:
 
     def unit(self, system: System) -> str:
         """Unit of the amplitude of a signal; "" of a wrench, which has two."""
-        return ""
+        bounds = range_of(type(self), "amplitude")
+        return bounds.unit_in(system, self.of) if bounds else ""
 
     def place(self, system: System) -> int:
         """Index of its first signal among those of its part.
@@ -328,7 +345,7 @@ class Disturbance(AnyDisturbance):
     words: ClassVar[str] = "disturbance on"
 
     body: Annotated[str, Is(str, "the name of a body")]
-    wrench: Annotated[tuple[float, float, float, float, float, float], Numbers(6)]
+    wrench: Annotated[tuple[float, float, float, float, float, float], Numbers(6), KeyName("")]
     profile: _Profile = Constant()
     label: str = ""
 
@@ -365,13 +382,9 @@ class InputDisturbance(AnyDisturbance):
     words: ClassVar[str] = "disturbance of"
 
     input: Name
-    amplitude: Finite
+    amplitude: Annotated[float, Range(unit=INPUT)]
     profile: _Profile = Constant()
     label: str = ""
-
-    def unit(self, system: System) -> str:
-        """Unit of the input."""
-        return system.inputs[self.place(system)].unit
 
 
 @checked(label="disturbance")
@@ -394,14 +407,10 @@ class OutputDisturbance(AnyDisturbance):
     noun: ClassVar[str] = "state"
     words: ClassVar[str] = "disturbance of measured"
 
-    state: Name
-    amplitude: Finite
+    state: Annotated[Name, KeyName("measured")]
+    amplitude: Annotated[float, Range(unit=STATE)]
     profile: _Profile = Constant()
     label: str = ""
-
-    def unit(self, system: System) -> str:
-        """Unit of the state."""
-        return system.states[self.place(system)].unit
 
 
 @checked(label="disturbance")
@@ -420,13 +429,9 @@ class RateDisturbance(AnyDisturbance):
     words: ClassVar[str] = "disturbance of the rate of"
 
     state: Name
-    amplitude: Finite
+    amplitude: Annotated[float, Range(unit=STATE_RATE)]
     profile: _Profile = Constant()
     label: str = ""
-
-    def unit(self, system: System) -> str:
-        """Unit of the rate of the state."""
-        return system.states[self.place(system)].rate_unit
 
 
 def widths(disturbances: Iterable[AnyDisturbance], system: System) -> dict[str, int]:

@@ -61,13 +61,13 @@ def test_the_gear_of_a_force_has_no_unit(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("edit", "words"),
     [
-        ('joint = "hinge"\nfriction = "0.5 N"', "edit of 'hinge': friction: .* to N m"),
-        ('joint = "slider"\nfriction = "0.5 N m"', "edit of 'slider': friction: .* to N:"),
-        ('joint = "hinge"\ndamping = "lots"', "edit of 'hinge': damping: \"lots\" is no number"),
-        ('joint = "hinge"\ndamping = true', "edit of 'hinge': damping: True must be a number"),
+        ('joint = "hinge"\nfriction = "0.5 N"', "edit 1: friction: .* to N m"),
+        ('joint = "slider"\nfriction = "0.5 N m"', "edit 1: friction: .* to N:"),
+        ('joint = "hinge"\ndamping = "lots"', 'edit 1: damping: "lots" is no number'),
+        ('joint = "hinge"\ndamping = true', "edit 1: damping: True must be a number"),
         ('joint = "slidr"\nfriction = "0.5 N"', "unknown joint 'slidr': did you mean 'slider'"),
-        ('input = "force"\ngear = "2 N m"', "edit of 'force': gear: "),
-        ('input = "force"\ngear = "2 N m/N"', "'force': gear: .* must be a number without a unit"),
+        ('input = "force"\ngear = "2 N m"', "edit 1: gear: "),
+        ('input = "force"\ngear = "2 N m/N"', "edit 1: gear: .* must be a number without a unit"),
     ],
 )
 def test_a_unit_that_does_not_fit_is_refused_in_one_line(tmp_path, edit, words) -> None:

@@ -88,8 +88,12 @@ ARMS = [
     ("mass_scale = 2", 'mass_scale = 2\nat = ["1 m", "0 m", "0 m"]', "give it one"),
     ('body = "link"\nmass', 'body = "lnk"\nmass', "unknown body 'lnk': did you mean 'link'?"),
     ('body = "link"\ntorque', 'body = "lnk"\ntorque', "unknown body 'lnk': did you mean 'link'?"),
-    ('"0.1 N m", "0 N m"]', '"0.1 N m"]', "disturbance 1: torque: at least 3 items"),
-    ('body = "link"\ntorque = [', 'input = "torque"\n#', "disturbance 1: it has no amplitude"),
+    (
+        '"0.1 N m", "0 N m"]',
+        '"0.1 N m"]',
+        "disturbance 1: torque: ['0 N m', '0.1 N m'] must be a list of 3",
+    ),
+    ('body = "link"\ntorque = [', 'input = "torque"\n#', "disturbance 1: amplitude is missing"),
     ('body = "link"\ntorque = [', 'input = "tork"\namplitude = 1\n#', "did you mean 'torque'?"),
     (
         'body = "link"\ntorque = [',

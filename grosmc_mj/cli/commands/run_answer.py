@@ -11,7 +11,7 @@ from grosmc_mj.experiments.answer.tables import endings
 from grosmc_mj.experiments.assumptions.audit import Audit
 from grosmc_mj.experiments.assumptions.notes import notes_on
 from grosmc_mj.experiments.experiment import Experiment, RunResult
-from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_NUMBERS, MACHINE_PARTS, unit_of
+from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, unit_of
 from grosmc_mj.experiments.measured import MeasuredResult, disagreements
 from grosmc_mj.experiments.requirements.judging import Judgement
 from grosmc_mj.experiments.requirements.requirement import Requirement
@@ -144,9 +144,7 @@ def _machine_lines(experiment: Experiment) -> list[str]:
     tables = [(kind, table) for kind in MACHINE_PARTS for table in getattr(file, kind)]
     for (kind, table), part in zip(tables, parts, strict=True):
         numbers = []
-        for name in MACHINE_NUMBERS[kind]:
-            if name not in table.model_fields_set:
-                continue
+        for name in table.numbers:
             unit = unit_of(kind, part.of, name, experiment.nominal.system)
             text = f"{name} {getattr(part, name):.4g} {unit}".rstrip()
             if name in table.assumed:

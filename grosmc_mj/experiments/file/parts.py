@@ -1,28 +1,83 @@
-"""Tables of a case file for the parts of the loop and of the machine as built, one for each kind.
+"""Parts of a case file: those of the loop and of the machine as built, edits, disturbances.
 
-The keys of a table are the fields of the part's class, with their units. ``assumed`` lists
-the numbers that nobody has published: whatever shows results says so.
+``PART_KINDS`` has all kinds of tables. The keys of a table are the fields of the part's class, with
+their units. ``assumed`` lists the numbers that nobody has published: whatever shows results says
+so.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import MISSING, Field, fields
 from functools import partial
-from typing import Annotated, Any, Literal, get_type_hints
+from typing import Annotated, Any
 
-import pydantic
-
-from grosmc_mj.ground.arguments import require_known
+from grosmc_mj.experiments.file.disturbance_tables import COURSES, Wrench
+from grosmc_mj.experiments.file.keys import key_name
+from grosmc_mj.experiments.file.part_tables import Form, PartKind, PartTable, Values, read
 from grosmc_mj.ground.errors import ArgumentError, Mistakes
-from grosmc_mj.ground.fields import range_of
-from grosmc_mj.ground.units import Metres, Table, Three, numbers_of
+from grosmc_mj.ground.fields import Flag, Range, checked, range_of
 from grosmc_mj.mechanics.machine import PARTS, MachinePart
 from grosmc_mj.mechanics.physics.edit import Edit
+from grosmc_mj.mechanics.physics.edits import AddedMass, BodyEdit, InputEdit, JointEdit
+from grosmc_mj.simulation.disturbances import (
+    Disturbance,
+    InputDisturbance,
+    OutputDisturbance,
+    RateDisturbance,
+)
 from grosmc_mj.simulation.loop import Actuator, Computing, Estimator, Loop, Sensor
 from grosmc_mj.simulation.loop.loop import LARGEST_SEED
 from grosmc_mj.theory.plants import System
+from grosmc_mj.theory.plants.parameter_scale import ParameterScale
+
+
+@checked()
+class RandomNumbers:
+    """Random numbers of a loop.
+
+    Attributes:
+        seed: Seed of noise, jitter and missed samples.
+        run: Number of the run: each run of a seed has random numbers of its own.
+    """
+
+    seed: Annotated[int, Range(0, LARGEST_SEED, below=True, whole=True)] = 0
+    run: Annotated[int, Range(0, LARGEST_SEED, below=True, whole=True)] = 0
+
+
+@checked()
+class Encoder:
+    """Encoder of an angle.
+
+    Attributes:
+        counts: Steps in a turn, in place of the resolution.
+    """
+
+    counts: Annotated[int, Range(1, whole=True)] | None = None
+
+
+@checked()
+class Knowledge:
+    """Knowledge of an edit.
+
+    Attributes:
+        known: Whether the laws know it: then the nominal plant is edited, too.
+    """
+
+    known: Flag = False
+
+
+def _with_resolution(values: Values, system: System) -> Values:
+    """Return the values of a sensor with its resolution, which counts in a turn may give [rad]."""
+    if values.get("counts") is None:
+        return values
+    if "resolution" in values:
+        raise ArgumentError("counts and resolution are the same number: give one of them")
+    of = values["of"]
+    unit = unit_of("sensor", of, "resolution", system)
+    if unit != "rad":
+        raise ArgumentError(f"counts: {of} is no angle: give its resolution in {unit}")
+    return {**values, "resolution": 2 * math.pi / values["counts"]}
 
 
 def table_of(part: Edit | type[Edit]) -> str:
@@ -30,81 +85,47 @@ def table_of(part: Edit | type[Edit]) -> str:
     return part.kind.replace(" ", "_")
 
 
-def _numbers(part: Any) -> tuple[str, ...]:
-    """Return the names of a part's numbers with a unit; whole numbers have none."""
-    ranges = {item.name: range_of(part, item.name) for item in fields(part)}
-    return tuple(name for name, bounds in ranges.items() if bounds and not bounds.whole)
-
-
-LOOP_PARTS: Mapping[str, Any] = {
-    "computing": Computing,
-    "sensor": Sensor,
-    "estimator": Estimator,
-    "actuator": Actuator,
+_EDITS = (BodyEdit, AddedMass, JointEdit, InputEdit)
+_DISTURBANCES = (InputDisturbance, OutputDisturbance, RateDisturbance)
+_OF_LOOP = (
+    PartKind("computing", (Form(Computing, "", RandomNumbers),), assumes=True),
+    PartKind("sensor", (Form(Sensor, "of", Encoder, adapt=_with_resolution),), assumes=True),
+    PartKind("estimator", (Form(Estimator, "of"),), assumes=True),
+    PartKind("actuator", (Form(Actuator, "of"),), assumes=True),
+)
+_OF_MACHINE = tuple(
+    PartKind(table_of(part), (Form(part, part.owner),), assumes=True) for part in PARTS
+)
+_OF_PLANT = (
+    PartKind(
+        "edit",
+        (
+            *[Form(edit, edit.owner, Knowledge) for edit in _EDITS],
+            Form(ParameterScale, "parameter", Knowledge),
+        ),
+    ),
+    PartKind(
+        "disturbance",
+        (
+            Form(Disturbance, "body", choices=(Wrench, *COURSES.values())),
+            *[
+                Form(kind, key_name(kind, kind.noun), choices=tuple(COURSES.values()))
+                for kind in _DISTURBANCES
+            ],
+        ),
+    ),
+)
+# All kinds of tables with a part, by their names.
+PART_KINDS: Mapping[str, PartKind] = {
+    kind.name: kind for kind in (*_OF_PLANT, *_OF_LOOP, *_OF_MACHINE)
 }
-MACHINE_PARTS: Mapping[str, type[MachinePart]] = {table_of(part): part for part in PARTS}
-# Names of the numbers with a unit by kind of part.
-LOOP_NUMBERS = {kind: _numbers(part) for kind, part in LOOP_PARTS.items()}
-MACHINE_NUMBERS = {kind: _numbers(part) for kind, part in MACHINE_PARTS.items()}
-_PARTS = {**LOOP_PARTS, **MACHINE_PARTS}
-_NUMBERS = {**LOOP_NUMBERS, **MACHINE_NUMBERS}
+# Classes of the parts of a loop, and of a machine, by the names of their tables.
+LOOP_PARTS: Mapping[str, Any] = {kind.name: kind.part for kind in _OF_LOOP}
+MACHINE_PARTS: Mapping[str, Any] = {kind.name: kind.part for kind in _OF_MACHINE}
 
 
-def _table(kind: str, part: Any) -> type[Table]:
-    """Make the table of a kind of part."""
-    hints = get_type_hints(part)
-    keys: dict[str, Any] = {
-        item.name: _key(kind, part, item, hints[item.name]) for item in fields(part)
-    }
-    keys["assumed"] = (list[Literal[*_NUMBERS[kind]]], [])
-    if part is Sensor:
-        # Steps of an encoder in a turn, in place of its resolution.
-        keys["counts"] = (Annotated[int | None, pydantic.Field(gt=0)], None)
-    if part is Computing:
-        # Seed of noise, jitter and missed samples; each run of a seed has its own.
-        keys["seed"] = (int, 0)
-        keys["run"] = (Annotated[int | None, pydantic.Field(ge=0, lt=LARGEST_SEED)], None)
-    return pydantic.create_model(f"{part.__name__}Table", __base__=Table, **keys)
-
-
-def _key(
-    kind: str,
-    part: Any,
-    item: Field[Any],
-    hint: Any,
-) -> tuple[Any, Any]:
-    """Return type and default of a key; ``...`` as default of a required one."""
-    default = item.default
-    if default is MISSING:
-        default = ...
-    if item.name in _NUMBERS[kind]:
-        # Read later: the unit may depend on the system.
-        return Any, (... if default is ... else None)
-    if isinstance(default, tuple):
-        numbers: Any = list[Metres]
-        if item.name == "normal":
-            numbers = list[float]
-        return Annotated[numbers, Three], list(default)
-    # The part itself checks the names of laws and the number of states.
-    if item.name == "law":
-        return str, default
-    if item.name == "of" and part is Estimator:
-        return str | list[str], default
-    if item.name == "of":
-        return str, default
-    return hint, default
-
-
-TABLES: Mapping[str, type[Table]] = {kind: _table(kind, part) for kind, part in _PARTS.items()}
-
-
-def unit_of(
-    kind: str,
-    of: str,
-    quantity: str,
-    system: System,
-) -> str:
-    """Return the unit of a number of a part.
+def unit_of(kind: str, of: str, quantity: str, system: System) -> str:
+    """Return the unit of a number of a part of the loop or the machine.
 
     Args:
         kind: Name of the part's table.
@@ -115,7 +136,7 @@ def unit_of(
     Raises:
         ArgumentError: If the system has no such state, input or joint.
     """
-    bounds = range_of(_PARTS[kind], quantity)
+    bounds = range_of(PART_KINDS[kind].part, quantity)
     return bounds.unit_in(system, of) if bounds else ""
 
 
@@ -135,14 +156,14 @@ def loop_of_file(file: Any, system: System) -> Loop | None:
     computer = Computing()
     seed = 0
     if file.computing is not None:
-        seed = file.computing.seed
+        seed = file.computing.further.seed
         with mistakes.gathered("computing: "):
-            computer = _part("computing", file.computing, system)
+            computer = read(file.computing, system)
 
-    members = []
-    for kind in ("sensor", "estimator", "actuator"):
-        make = partial(_part, kind, system=system)
-        members.append(tuple(mistakes.each(kind, getattr(file, kind), make)))
+    members = [
+        tuple(mistakes.each(kind, getattr(file, kind), partial(read, system=system)))
+        for kind in ("sensor", "estimator", "actuator")
+    ]
     loop = mistakes.attempt(partial(Loop, seed=seed), computer, *members, where="computing: ")
     mistakes.refuse()
     return loop.completed(system)
@@ -167,7 +188,7 @@ def run_of_file(file: Any) -> int:
     """Return the number of the run that the loop of a case file draws for; 0 if it names none."""
     if file.computing is None:
         return 0
-    return file.computing.run or 0
+    return file.computing.further.run
 
 
 def machine_of_file(file: Any, system: System) -> tuple[MachinePart, ...]:
@@ -183,58 +204,60 @@ def machine_of_file(file: Any, system: System) -> tuple[MachinePart, ...]:
     parts: list[MachinePart] = []
     mistakes = Mistakes()
     for kind in MACHINE_PARTS:
-        parts += mistakes.each(kind, getattr(file, kind), partial(_part, kind, system=system))
+        parts += mistakes.each(kind, getattr(file, kind), partial(read, system=system))
     mistakes.refuse()
     return tuple(parts)
 
 
-def in_model(name: str, owner: str, system: System) -> str:
-    """Return the name of an actuator for an input; joints and bodies keep their names.
+def edits_of(file: Any, system: System, *, known: bool) -> tuple[Edit, ...]:
+    """Return the edits of the model in a case file.
 
     Args:
-        name: Name in a case file.
-        owner: ``input``, ``joint`` or ``body``.
-        system: The system of the file.
+        file: A ``CaseFile``.
+        system: The system of its plant.
+        known: True for the edits that the laws know, False for the other ones.
 
     Raises:
-        ArgumentError: If the system has no such input.
+        GrosmcError: If a model cannot have a number, or an input is unknown.
     """
-    if owner != "input":
-        return name
-    inputs = [signal.name for signal in system.inputs]
-    require_known("input", name, inputs)
-    return system.actuators[inputs.index(name)]
+    edits: list[Edit] = []
+    mistakes = Mistakes()
+    for index, table in enumerate(file.edit):
+        if table.form.part is ParameterScale or table.further.known is not known:
+            continue
+        with mistakes.gathered(f"edit {index + 1}: "):
+            edits.append(_edit(table, system))
+    mistakes.refuse()
+    return tuple(edits)
 
 
-def _part(kind: str, table: Any, system: System) -> Any:
-    """Return the part of a table, its numbers in the units of the system."""
-    part = _PARTS[kind]
-    keywords = {}
-    for name in table.model_fields_set & {item.name for item in fields(part)}:
-        value = getattr(table, name)
-        keywords[name] = tuple(value) if isinstance(value, list) else value
-
-    of = getattr(table, "of", "")
-    if kind in MACHINE_PARTS:
-        of = keywords[part.owner] = in_model(keywords[part.owner], part.owner, system)
-    elif not isinstance(of, str):
-        # An estimator of several states has the units of the first.
-        of = next(iter(of), "")
-
-    for name in table.assumed:
-        if name not in table.model_fields_set:
-            raise ArgumentError(f"assumed: the table gives no {name}")
-    keywords.update(numbers_of(table, _NUMBERS[kind], lambda name: unit_of(kind, of, name, system)))
-    if getattr(table, "counts", None) is not None:
-        keywords["resolution"] = _step(table, system)
-    return part(**keywords)
+def _edit(table: PartTable, system: System) -> Edit:
+    """Return one edit of the model."""
+    if table.values.keys() <= {table.form.owner, "known"}:
+        raise ArgumentError("the edit changes nothing")
+    return read(table, system)
 
 
-def _step(table: Any, system: System) -> float:
-    """Return the resolution of an encoder by its counts in a turn [rad]."""
-    if table.resolution is not None:
-        raise ArgumentError("counts and resolution are the same number: give one of them")
-    unit = unit_of("sensor", table.of, "resolution", system)
-    if unit != "rad":
-        raise ArgumentError(f"counts: {table.of} is no angle: give its resolution in {unit}")
-    return 2 * math.pi / table.counts
+def scales_of(file: Any, system: System) -> tuple[ParameterScale, ...]:
+    """Return the factors on parameters of equations in a case file.
+
+    Args:
+        file: A ``CaseFile``.
+        system: The system of its plant.
+
+    Raises:
+        ArgumentError: For all numbers that do not fit.
+    """
+    scales: list[ParameterScale] = []
+    mistakes = Mistakes()
+    for index, table in enumerate(file.edit):
+        if table.form.part is not ParameterScale:
+            continue
+        with mistakes.gathered(f"edit {index + 1}: "):
+            if table.further.known:
+                raise ArgumentError(
+                    "known is for a model: give equations of your own the numbers at once"
+                )
+            scales.append(read(table, system))
+    mistakes.refuse()
+    return tuple(scales)

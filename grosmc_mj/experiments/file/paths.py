@@ -14,24 +14,20 @@ from dataclasses import dataclass
 from typing import Any
 
 from grosmc_mj.experiments.file.content import Content
-from grosmc_mj.experiments.file.parts import MACHINE_PARTS
-from grosmc_mj.experiments.file.schema import EDITED, CaseFile
+from grosmc_mj.experiments.file.parts import PART_KINDS
+from grosmc_mj.experiments.file.schema import CaseFile
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.errors import ArgumentError, unknown_name, value_text
 
 # Keys that name a table among several of a kind.
 _NAMED_BY: Mapping[str, tuple[str, ...]] = {
-    "edit": tuple(EDITED),
-    "disturbance": ("label", "body", "input", "measured", "state"),
-    "sensor": ("of",),
-    "estimator": ("of",),
-    "actuator": ("of",),
     "controller": ("name", "law"),
     "requirement": (),
     "claim": (),
     "uncertain": ("name",),
     "correlation": (),
-    **{kind: (part.owner,) for kind, part in MACHINE_PARTS.items()},
+    **{kind.name: kind.owners for kind in PART_KINDS.values() if kind.owners},
+    "disturbance": ("label", *PART_KINDS["disturbance"].owners),
 }
 # Tables that a file need not have: the numbers of the nominal model, and estimators of rates.
 _ADDED = ("edit", "estimator")
@@ -241,10 +237,11 @@ def edited_by(path: str, field: str) -> str:
     Raises:
         ArgumentError: If no edit has such a key.
     """
-    for kind, keys in EDITED.items():
-        if field in keys:
-            return kind
-    valid = [key for keys in EDITED.values() for key in keys]
+    edit = PART_KINDS["edit"]
+    for form in edit.forms:
+        if field in form.keys:
+            return form.owner
+    valid = [key for key in edit.keys if key not in edit.owners]
     raise ArgumentError(f"{path!r}: {unknown_name('key', field, valid)}")
 
 

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ValidationError
 from grosmc_mj.experiments.file.content import Content, content_of_text, read_content
 from grosmc_mj.experiments.file.former_keys import written_today
 from grosmc_mj.experiments.file.schema import CaseFile, file_name
-from grosmc_mj.ground.errors import ArgumentError, together, unknown_name
+from grosmc_mj.ground.errors import ArgumentError, MistakesError, together, unknown_name
 from grosmc_mj.ground.refusals import Place, line_of
 
 
@@ -61,9 +61,9 @@ def case_file_of(content: Content, path: Path) -> CaseFile:
     return file.model_copy(update={"name": name})
 
 
-def _lines(error: ValidationError) -> list[str]:
+def _lines(refused: ValidationError) -> list[str]:
     """Return one line for each mistake."""
-    mistakes: list[Any] = error.errors(include_url=False)
+    mistakes: list[Any] = refused.errors(include_url=False)
     tables_with_unknown_key = [
         mistake["loc"][:-1] for mistake in mistakes if mistake["type"] == "extra_forbidden"
     ]
@@ -76,7 +76,11 @@ def _lines(error: ValidationError) -> list[str]:
         path, keys = _path(location)
         *tables, key = path or [""]
         where = f"{' '.join(tables)}: " if tables else ""
-        if mistake["type"] == "missing":
+        error = mistake.get("ctx", {}).get("error")
+        if isinstance(error, MistakesError):
+            # Of a table with a part, which checks its keys itself.
+            lines += [f"{' '.join(path)}: {line}" for line in error.mistakes]
+        elif mistake["type"] == "missing":
             lines.append(where + _missing(key, location, keys))
         elif mistake["type"] == "extra_forbidden":
             lines.append(where + _unknown(location, key, keys, mistake["input"]))

@@ -11,33 +11,24 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    PlainSerializer,
+    PlainValidator,
     PrivateAttr,
     create_model,
     model_validator,
 )
 
 from grosmc_mj.experiments.file.content import Content
-from grosmc_mj.experiments.file.parts import (
-    LOOP_NUMBERS,
-    LOOP_PARTS,
-    MACHINE_NUMBERS,
-    MACHINE_PARTS,
-    TABLES,
-)
+from grosmc_mj.experiments.file.part_tables import PartTable
+from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, PART_KINDS
 from grosmc_mj.experiments.logs.table import LogTable
 from grosmc_mj.experiments.requirements import KINDS
 from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.errors import unknown_name, value_text
 from grosmc_mj.ground.units import (
-    KilogramMetresSquared,
-    Kilograms,
     Metres,
-    NewtonMetres,
-    Newtons,
     PositiveSeconds,
-    Radians,
-    RadiansPerSecond,
     Seconds,
     Table,
     Three,
@@ -129,15 +120,6 @@ class RunTable(Table):
     engine: Literal["native", "python"] = "native"
 
 
-# Keys of an edit, by the kind of thing that it changes.
-EDITED = {
-    "body": ("mass_scale", "length_scale", "mass", "inertia", "added_mass", "at"),
-    "joint": ("damping", "friction", "armature"),
-    "input": ("gear",),
-    "parameter": ("scale",),
-}
-
-
 def _owner_of(table: Table, keys: Mapping[str, Collection[str]]) -> str:
     """Return the only owner that a table names, such as ``body`` or ``joint``.
 
@@ -162,119 +144,6 @@ def _owner_of(table: Table, keys: Mapping[str, Collection[str]]) -> str:
             f"{article} {owner} has no {', '.join(misplaced)}; valid: {', '.join(valid)}"
         )
     return owner
-
-
-class EditTable(Table):
-    """``[[edit]]``: a change of the true plant that the laws do not know; one owner each.
-
-    Attributes:
-        known: Whether the laws know it: then the nominal plant is edited, too.
-        body: A body of the model.
-        mass_scale: Factor on the body's mass and inertia.
-        length_scale: Factor on all lengths of the body.
-        mass: Mass of the body [kg], instead of a factor; its inertia scales with it.
-        inertia: Principal moments of the body about its centre of mass [kg m^2], (3,).
-        added_mass: A point mass on the body [kg].
-        at: Place of the added mass in the body's frame [m], (3,).
-        joint: A joint of the model.
-        damping: Damping of the joint, ``"0.1 N m s/rad"`` or ``"2 N s/m"``; here and below a number
-            without a unit is in SI units.
-        friction: Dry friction of the joint, ``"0.5 N m"`` or ``"5 N"``.
-        armature: Armature of the joint, ``"0.1 kg m^2"`` or ``"1 kg"``.
-        input: An input of the model.
-        gear: Torque or force at the joint for one unit of the input, such as ``"0.3 N m/A"``.
-        parameter: A parameter of a user's own analytic plant.
-        scale: Factor on the parameter.
-    """
-
-    known: bool = False
-    body: str | None = None
-    mass_scale: float = 1.0
-    length_scale: float = 1.0
-    mass: Kilograms | None = None
-    inertia: Annotated[list[KilogramMetresSquared], Three] | None = None
-    added_mass: Kilograms | None = None
-    at: Annotated[list[Metres], Three] = [0.0, 0.0, 0.0]
-    joint: str | None = None
-    damping: Any = None
-    friction: Any = None
-    armature: Any = None
-    input: str | None = None
-    gear: Any = None
-    parameter: str | None = None
-    scale: float | None = None
-
-    @model_validator(mode="after")
-    def _changes_one_owner(self) -> EditTable:
-        owner = _owner_of(self, EDITED)
-        changes = self.model_fields_set - {owner, "known"}
-        if not changes - {"at"}:
-            raise ValueError("the edit changes nothing")
-        if "added_mass" in changes and changes - {"added_mass", "at"}:
-            raise ValueError("added_mass and the body's own mass are two edits: write two [[edit]]")
-        if "at" in changes and "added_mass" not in changes:
-            raise ValueError("at is where an added_mass is: give it one")
-        if self.known and self.parameter is not None:
-            raise ValueError("known is for a model: give equations of your own the numbers at once")
-        return self
-
-
-class DisturbanceTable(Table):
-    """``[[disturbance]]``: of a body, an input, a measured state or a state's rate.
-
-    On a body it is a wrench, in world axes at the centre of mass. A plant as equations that has no
-    model has no bodies: there the rate of a state may be disturbed.
-
-    Attributes:
-        body: A body of the plant.
-        force: Force [N], (3,).
-        torque: Torque [N m], (3,).
-        input: An input of the plant; it is added after the actuators.
-        measured: A state; it is added to its measurement.
-        state: A state of equations without a model, to whose rate it is added.
-        amplitude: In the unit of the input, of the measured state, or of the state per second.
-        profile: Its course in time: ``constant``, ``pulse`` (from ``start`` to ``stop``), ``sine``
-            (sin(frequency t + phase) from ``onset`` on), ``table`` (``values`` for the time
-            ``hold`` each), or ``module:name`` of a function of t.
-        start: Start of a pulse [s].
-        stop: End of a pulse [s].
-        frequency: Frequency of a sine [rad/s]; 1 Hz is a turn a second.
-        phase: Phase of a sine [rad].
-        onset: Onset of a sine [s].
-        values: Values of a table, factors of the amplitude or the wrench; 0 after the last one.
-        hold: Time for which each of them is held [s], a multiple of the timestep.
-        periodic: Whether a table begins again after its last value.
-        label: Name in figures.
-    """
-
-    body: str | None = None
-    input: str | None = None
-    measured: str | None = None
-    state: str | None = None
-    amplitude: Any = None
-    force: Annotated[list[Newtons], Three] = [0.0, 0.0, 0.0]
-    torque: Annotated[list[NewtonMetres], Three] = [0.0, 0.0, 0.0]
-    profile: str = "constant"
-    start: Seconds = 0.0
-    stop: Seconds | None = None
-    frequency: RadiansPerSecond | None = None
-    phase: Radians = 0.0
-    onset: Seconds = 0.0
-    values: list[float] = []
-    hold: Seconds | None = None
-    periodic: bool = False
-    label: str = ""
-
-    @model_validator(mode="after")
-    def _on_one_owner(self) -> DisturbanceTable:
-        keys = {
-            "body": ("force", "torque"),
-            "input": ("amplitude",),
-            "measured": ("amplitude",),
-            "state": ("amplitude",),
-        }
-        _owner_of(self, keys)
-        return self
 
 
 _SECONDS: Any = Seconds
@@ -513,8 +382,8 @@ QUANTITIES: dict[str, dict[str, str]] = {
     "start": {"value": ""},
     "parameter": {"scale": ""},
 }
-for _owner, _numbers in {**LOOP_NUMBERS, **MACHINE_NUMBERS}.items():
-    QUANTITIES[_owner] = dict.fromkeys(_numbers, "")
+for _owner in (*LOOP_PARTS, *MACHINE_PARTS):
+    QUANTITIES[_owner] = dict.fromkeys(PART_KINDS[_owner].forms[0].numbers, "")
 _KINDS = ("uniform", "loguniform", "triangular", "normal", "lognormal")
 
 
@@ -675,6 +544,14 @@ class CorrelationTable(Table):
     coefficient: Annotated[float, Field(gt=-1, lt=1)]
 
 
+def _table(kind: str) -> PlainValidator:
+    """Return the check of the tables of a kind of part."""
+    return PlainValidator(PART_KINDS[kind].table)
+
+
+_AS_WRITTEN = PlainSerializer(PartTable.document)
+
+
 class _Beginning(Table):
     """Keys of a file that belong to no part of a loop or a machine."""
 
@@ -684,23 +561,25 @@ class _Beginning(Table):
     plant: PlantTable
     design: DesignTable | None = None
     run: RunTable
-    edit: list[EditTable] = []
-    disturbance: list[DisturbanceTable] = []
+    edit: list[Annotated[PartTable, _table("edit"), _AS_WRITTEN]] = []
+    disturbance: list[Annotated[PartTable, _table("disturbance"), _AS_WRITTEN]] = []
 
 
 def _fields_of_parts(kinds: Iterable[str]) -> dict[str, Any]:
     """Return the fields of a table with parts of these kinds: one computer, lists of the others."""
     fields: dict[str, Any] = {}
     for kind in kinds:
+        table: Any = Annotated[PartTable, _table(kind), _AS_WRITTEN]
         if kind == "computing":
-            fields[kind] = (TABLES[kind] | None, None)
+            fields[kind] = (table | None, None)
         else:
-            fields[kind] = (list[TABLES[kind]], [])
+            fields[kind] = (list[table], [])
     return fields
 
 
-_PART_FIELDS = _fields_of_parts((*LOOP_PARTS, *MACHINE_PARTS))
-_WithParts = create_model("_WithParts", __base__=_Beginning, **_PART_FIELDS)
+_WithParts = create_model(
+    "_WithParts", __base__=_Beginning, **_fields_of_parts((*LOOP_PARTS, *MACHINE_PARTS))
+)
 _LoopParts = create_model("_LoopParts", __base__=Table, **_fields_of_parts(LOOP_PARTS))
 
 

@@ -13,11 +13,13 @@ from contextlib import contextmanager, suppress
 from importlib import machinery
 from importlib.util import resolve_name
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from grosmc_mj.experiments.file.schema import CaseFile
 from grosmc_mj.ground.errors import ArgumentError, unknown_name
 from grosmc_mj.ground.files import require_regular
+
+if TYPE_CHECKING:
+    from grosmc_mj.experiments.file.schema import CaseFile
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 _NAMED = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
@@ -35,7 +37,7 @@ def named_in(file: CaseFile) -> list[str]:
         texts.append(file.plant.plant)
     if file.design:
         texts.append(file.design.plant)
-    texts += [table.profile for table in file.disturbance]
+    texts += [str(table.values.get("profile", "")) for table in file.disturbance]
     reference = file.task.reference or []
     if isinstance(reference, dict):
         reference = list(reference.values())

@@ -9,7 +9,7 @@ import numpy as np
 
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, ModelError
-from grosmc_mj.ground.fields import Name, Range, Vector, checked
+from grosmc_mj.ground.fields import Name, Point, Range, Vector, checked
 from grosmc_mj.mechanics.machine.bounces import solref, spring_and_damper
 from grosmc_mj.mechanics.machine.part import MachinePart, Oscillation, positive, signed
 from grosmc_mj.mechanics.physics.dry_friction import STIFFEST
@@ -96,8 +96,8 @@ class Wall(MachinePart):
 
     body: Name
     radius: Annotated[float, positive("m")]
-    at: Vector = (0.0, 0.0, 0.0)
-    point: Vector = (0.0, 0.0, 0.0)
+    at: Point = (0.0, 0.0, 0.0)
+    point: Point = (0.0, 0.0, 0.0)
     normal: Vector = (0.0, 0.0, 1.0)
     restitution: _Restitution = 0.0
     duration: Annotated[float, positive("s")] = 0.02

@@ -17,10 +17,11 @@ import numpy as np
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ModelError
-from grosmc_mj.ground.fields import Finite, Name, NotNegative, Range, Vector, checked
+from grosmc_mj.ground.fields import KeyName, Name, Numbers, Point, Range, checked
 from grosmc_mj.mechanics.physics.dry_friction import set_dry_friction
 from grosmc_mj.mechanics.physics.edit import Change, Edit
 from grosmc_mj.mechanics.physics.files import compile_spec
+from grosmc_mj.theory.plants.owner_units import DAMPING, FORCE, GEAR, INERTIA
 
 _SIZELESS = (mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_SDF)
 # A compiler refuses a body that moves and has less mass or inertia.
@@ -103,7 +104,7 @@ class BodyEdit(Edit):
     mass_scale: Annotated[float, Range(0, above=True, usual=(0.01, 100))] = 1.0
     length_scale: Annotated[float, Range(0, above=True, usual=(0.01, 100))] = 1.0
     mass: Annotated[float, Range(0, unit="kg", above=True)] | None = None
-    inertia: Vector | None = None
+    inertia: Annotated[tuple[float, float, float], Numbers(3, "kg m^2")] | None = None
 
     owner = "body"
     order = 0
@@ -198,8 +199,8 @@ class AddedMass(Edit):
     """
 
     body: Name
-    mass: Annotated[float, Range(0, unit="kg", above=True)]
-    position: Vector = (0.0, 0.0, 0.0)
+    mass: Annotated[float, Range(0, unit="kg", above=True), KeyName("added_mass")]
+    position: Annotated[Point, KeyName("at")] = (0.0, 0.0, 0.0)
 
     kind = "load"
     owner = "body"
@@ -259,9 +260,9 @@ class JointEdit(Edit):
     """
 
     joint: Name
-    damping: NotNegative | None = None
-    friction: NotNegative | None = None
-    armature: NotNegative | None = None
+    damping: Annotated[float, Range(0, unit=DAMPING, bare=True)] | None = None
+    friction: Annotated[float, Range(0, unit=FORCE, bare=True)] | None = None
+    armature: Annotated[float, Range(0, unit=INERTIA, bare=True)] | None = None
 
     owner = "joint"
     order = 2
@@ -296,7 +297,7 @@ class InputEdit(Edit):
     """
 
     input: Name
-    gear: Finite
+    gear: Annotated[float, Range(unit=GEAR, bare=True)]
 
     owner = "input"
     order = 3

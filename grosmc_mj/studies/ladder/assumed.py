@@ -12,8 +12,6 @@ from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 
 # A part may refuse half or twice of a number: then it is tried nearer to its value.
 _POWERS = (1.0, 0.5, 0.25, 0.125)
-# Keys of a case file's tables that name the owner of a part.
-_OWNERS = ("of", "joint", "input", "body")
 
 
 class AssumedNumber(NamedTuple):
@@ -58,7 +56,8 @@ def assumed_numbers(machine: Experiment) -> Iterator[AssumedNumber]:
                 if kind != "computing":
                     path = f"{kind}[{index + 1}].{name}"
                 value = getattr(parts_of_kind[index], name)
-                yield AssumedNumber(kind, path, _owner_of(table, kind), name, value)
+                owner = " and ".join(table.of) or kind
+                yield AssumedNumber(kind, path, owner, name, value)
 
 
 def in_words(numbers: Iterable[AssumedNumber]) -> Iterator[tuple[str, str]]:
@@ -70,17 +69,6 @@ def in_words(numbers: Iterable[AssumedNumber]) -> Iterator[tuple[str, str]]:
         names.setdefault((part, number.kind, number.owner), []).append(number.name)
     for (_, kind, owner), of_part in names.items():
         yield kind, f"{owner}: {', '.join(of_part)}"
-
-
-def _owner_of(table: Any, kind: str) -> str:
-    """Return the state, joint, input or body that a part of a file is of; else its kind."""
-    for key in _OWNERS:
-        if hasattr(table, key):
-            owner = getattr(table, key)
-            if isinstance(owner, str):
-                return owner
-            return " and ".join(owner)
-    return kind
 
 
 def with_other_numbers(machine: Experiment) -> Iterator[tuple[str, Experiment]]:

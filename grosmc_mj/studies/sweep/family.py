@@ -13,7 +13,8 @@ import numpy as np
 from scipy import stats
 
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, in_model, unit_of
+from grosmc_mj.experiments.file.part_tables import in_model
+from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, unit_of
 from grosmc_mj.experiments.file.schema import (
     QUANTITIES,
     CaseFile,

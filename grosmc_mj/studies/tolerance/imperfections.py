@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
-from grosmc_mj.experiments.file.parts import LOOP_NUMBERS, unit_of
+from grosmc_mj.experiments.file.parts import PART_KINDS, unit_of
 from grosmc_mj.output.results.tables import number, prefixed
 from grosmc_mj.simulation.loop import Loop, Sensor
 from grosmc_mj.simulation.loop.timing import TIMES, time_as_run
@@ -245,7 +245,7 @@ def _amounts(
         of: Any = getattr(part, "of", "")
         for item in fields(part):
             quantity = item.name
-            if quantity not in LOOP_NUMBERS[kind] or quantity in _NO_AMOUNTS:
+            if quantity not in PART_KINDS[kind].forms[0].numbers or quantity in _NO_AMOUNTS:
                 continue
             value: Any = getattr(part, quantity)
             if value != 0 and math.isfinite(value):
