@@ -13,13 +13,10 @@ from contextlib import contextmanager, suppress
 from importlib import machinery
 from importlib.util import resolve_name
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from grosmc_mj.ground.errors import ArgumentError, unknown_name
 from grosmc_mj.ground.files import require_regular
-
-if TYPE_CHECKING:
-    from grosmc_mj.experiments.file.schema import CaseFile
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 _NAMED = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
@@ -30,8 +27,12 @@ def is_named(text: str) -> bool:
     return ":" in text
 
 
-def named_in(file: CaseFile) -> list[str]:
-    """Return each ``module:name`` that running a case file under any of its laws would import."""
+def named_in(file: Any) -> list[str]:
+    """Return each ``module:name`` that running a case file under any of its laws would import.
+
+    Args:
+        file: A ``CaseFile``.
+    """
     texts = []
     if file.plant.plant:
         texts.append(file.plant.plant)
