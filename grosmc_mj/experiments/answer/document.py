@@ -25,12 +25,13 @@ from grosmc_mj.output.results.result import (
     Answer,
     ReportTable,
     Result,
-    StudyVerdict,
     Value,
     finite,
     result,
 )
+from grosmc_mj.output.results.standings import standings_of
 from grosmc_mj.output.results.tables import Table, number
+from grosmc_mj.output.results.verdicts import Verdict, verdict_of
 
 
 def experiment_result(
@@ -78,6 +79,7 @@ def experiment_result(
     if simulated:
         sheets.append(ReportTable(table=gains_table(simulated)))
     sheets += [ReportTable(table=table) for table in tables]
+    verdicts = verdicts_of(experiment.name, results, judgements)
     further: dict[str, Any] = {}
     if premises:
         further["premises"] = list(premises)
@@ -88,11 +90,12 @@ def experiment_result(
         seed=seed_of(experiment),
         complete=complete,
         answers=[_answer(target, results, judgements, faults, notes, complete=complete)],
-        standings=standings(target, results, judgements, complete=complete),
+        standings=standings_of(target, verdicts, complete=complete),
         sheets=sheets,
         remarks=remarks,
         values=[*_judged_values(target, results, judgements), *run_values(results)],
         kept=complete and all(item.kept for item in judgements),
+        verdicts=[row.model_dump() for row in verdicts],
         requirements=[_judgement_document(item) for item in judgements],
         **further,
         runs=[run_document(run) for run in results],
@@ -152,30 +155,33 @@ def _answer(
     )
 
 
-def standings(
-    target: str,
-    results: Sequence[RunResult],
-    judgements: Sequence[Judgement],
-    *,
-    complete: bool,
-) -> Iterator[StudyVerdict]:
-    """Return for each law the judgement that is furthest beyond its limit, or nearest to it.
+def verdicts_of(
+    condition: str, results: Sequence[RunResult], judgements: Sequence[Judgement]
+) -> list[Verdict]:
+    """Return the verdict on each law on each plant that something is required of it on.
 
-    A law without requirements has none.
+    Args:
+        condition: Name of the case.
+        results: Its runs.
+        judgements: Judgements of these runs.
     """
-    for law in dict.fromkeys(run.controller.name for run in results):
-        judgements_of_law = [item for item in judgements if item.controller == law]
-        if not judgements_of_law:
+    verdicts = []
+    for run in results:
+        law = run.controller.name
+        of_run = [item for item in judgements if (item.controller, item.plant) == (law, run.plant)]
+        if not of_run:
             continue
-        worst = max(judgements_of_law, key=lambda item: (not item.kept, item.share))
-        yield StudyVerdict(
-            case=target,
+        worst = max(of_run, key=lambda item: item.share)
+        row = verdict_of({item.requirement.words: item.share for item in of_run})
+        row = row.changed(
             law=law,
-            breaks_at="" if worst.kept else worst.plant,
+            step=run.plant,
+            condition=condition,
+            ended=run.ended,
             words=_measured(worst),
-            share=finite(worst.share),
-            complete=complete,
         )
+        verdicts.append(row)
+    return verdicts
 
 
 def _measured(item: Judgement) -> str:

@@ -79,13 +79,14 @@ class Answer(Part):
         return self.verdict in (KEPT, MEASURED)
 
 
-class StudyVerdict(Part):
-    """Verdict on a law in a case: where it breaks, if it does.
+class Standing(Part):
+    """Where a law stands in a case: where it breaks, if it does.
 
     Attributes:
         case: The case, SYSTEM/CASE.
         law: Name of the law.
         breaks_at: First rung, plant or imperfection that it fails on; empty if it fails nowhere.
+        requirement: Requirement that decides, as the curves of the case name it; empty for none.
         words: Deciding requirement with its number, or how far the law goes.
         share: Measured over allowed value of that requirement; None without a measurement.
         complete: False if an interrupted study may still find a failure.
@@ -95,6 +96,7 @@ class StudyVerdict(Part):
     case: Text
     law: Text
     breaks_at: Text = ""
+    requirement: Text = ""
     words: Text = ""
     share: Number = None
     complete: bool = True
@@ -300,7 +302,7 @@ class Result(Provenance):
     Attributes:
         complete: False if an interruption left out a part.
         answers: Answers on the first screen.
-        standings: Verdicts on the laws in their cases.
+        standings: Where each law stands in its case.
         sheets: Tables and charts.
         remarks: How the answers were obtained, a line each: the loop, assumed numbers, the share
             of runs that MuJoCo confirmed.
@@ -312,7 +314,7 @@ class Result(Provenance):
     schema_version: Literal[2]
     complete: bool = True
     answers: Sequence[Answer] = ()
-    standings: Sequence[StudyVerdict] = ()
+    standings: Sequence[Standing] = ()
     sheets: Sequence[ReportTable] = ()
     remarks: Sequence[Text] = ()
     values: Sequence[Value] = ()
@@ -330,7 +332,7 @@ def result(
     seed: int | None = None,
     complete: bool = True,
     answers: Iterable[Answer] = (),
-    standings: Iterable[StudyVerdict] = (),
+    standings: Iterable[Standing] = (),
     sheets: Iterable[ReportTable] = (),
     remarks: Iterable[str] = (),
     values: Iterable[Value] = (),
@@ -344,7 +346,7 @@ def result(
         seed: Seed of the random numbers; None if there are none.
         complete: False if an interruption left out a part.
         answers: Answers on the first screen.
-        standings: Verdicts on the laws in their cases.
+        standings: Where each law stands in its case.
         sheets: Tables and charts.
         remarks: How the answers were obtained, a line each.
         values: Values that ``diff`` compares.

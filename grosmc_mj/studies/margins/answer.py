@@ -13,7 +13,7 @@ from grosmc_mj.output.results.result import (
     Answer,
     ReportTable,
     Result,
-    StudyVerdict,
+    Standing,
     Value,
     finite,
     result,
@@ -304,10 +304,10 @@ def margins_result(studied: MarginStudy, rows: Sequence[LawMargins], *, complete
     )
 
 
-def _standing(row: LawMargins, *, complete: bool) -> StudyVerdict:
+def _standing(row: LawMargins, *, complete: bool) -> Standing:
     """The conditions under which a law breaks without any change."""
     reasons = [f"{refused.condition}: {refused.words}" for refused in row.refused]
-    return StudyVerdict(
+    return Standing(
         case=row.setup,
         law=row.law,
         breaks_at=", ".join(refused.condition for refused in row.refused),
