@@ -137,7 +137,6 @@ class _RunQuestion(Question):
 
     def measure(self) -> None:
         """Run the experiment, and audit its laws; of --log nothing runs."""
-        from grosmc_mj.experiments.assumptions.robot import audits
         from grosmc_mj.studies.sweep.draws import judged_over_draws
 
         experiment = self._experiment
@@ -147,7 +146,7 @@ class _RunQuestion(Question):
                 for result in experiment.runs():
                     self._results.append(judged_over_draws(result, self._command.draws))
                     advance(result.key)
-            self._premises = audits(self._results)
+            self._premises = _audits_of_robots(experiment, self._results)
         self._results += self._measured
 
     def result(self, *, complete: bool) -> Result | None:
@@ -187,11 +186,13 @@ class _RunQuestion(Question):
     def draw(self) -> Sequence[Path]:
         """Write the curves and, of a complete answer, draw the figure."""
         from grosmc_mj.experiments.answer.curves import experiment_chart, write_curves
-        from grosmc_mj.output.charts.figure import write_chart
 
         write_curves(self._results, self.path.stem, self.path.parent)
         if not (self._command.figures and self._complete):
             return ()
+
+        # Imported here: matplotlib takes longer than a run.
+        from grosmc_mj.output.charts.figure import write_chart
 
         figure_path = self.path.with_suffix(".png")
         write_chart(experiment_chart(self._results), figure_path)
@@ -232,6 +233,15 @@ def _require_memory(experiment: Experiment) -> None:
     require_memory(size, runs, experiment.steps)
     if is_much_memory(size):
         screen.notice(f"{experiment.path.name}: {memory_words(size, runs, experiment.steps)}.")
+
+
+def _audits_of_robots(experiment: Experiment, results: Sequence[RunResult]) -> Sequence[Audit]:
+    """Return the premises of each sliding mode law on a robot; none of a plant with equations."""
+    if experiment.nominal.system.symbolic:
+        return ()
+    from grosmc_mj.experiments.assumptions.robot import audits
+
+    return audits(results)
 
 
 def _check(experiment: Experiment) -> None:
