@@ -26,7 +26,7 @@ from grosmc_mj.output.results.result import (
     Answer,
     ReportTable,
     Result,
-    Standing,
+    StudyVerdict,
     Value,
     report_tables,
     result,
@@ -148,7 +148,7 @@ class Validation:
         ]
         return report_tables(tables, 2)
 
-    def _standings(self) -> Iterator[Standing]:
+    def _standings(self) -> Iterator[StudyVerdict]:
         """Verdict on each law in each case: by its requirements, else by its run on record."""
         recorded = expected_results.load_expected()["runs"]
         differing = {line.partition(": ")[0] for line in self.differing}
@@ -169,13 +169,13 @@ class Validation:
         run: RunResult,
         recorded: Mapping[str, Any],
         differing: set[str],
-    ) -> Standing:
+    ) -> StudyVerdict:
         """Verdict on a law by its run in MuJoCo: its deviation beside the recorded one."""
         before = None
         if run.key in recorded:
             before = recorded[run.key]["metrics"].get("deviation")
         now = _cell(run.metrics["deviation"])
-        return Standing(
+        return StudyVerdict(
             case=target,
             law=run.controller.name,
             breaks_at="record" if run.key in differing else "",

@@ -79,7 +79,7 @@ class Answer(Part):
         return self.verdict in (KEPT, MEASURED)
 
 
-class Standing(Part):
+class StudyVerdict(Part):
     """Where a law stands in a case: where it breaks, if it does.
 
     Attributes:
@@ -314,7 +314,7 @@ class Result(Provenance):
     schema_version: Literal[2]
     complete: bool = True
     answers: Sequence[Answer] = ()
-    standings: Sequence[Standing] = ()
+    standings: Sequence[StudyVerdict] = ()
     sheets: Sequence[ReportTable] = ()
     remarks: Sequence[Text] = ()
     values: Sequence[Value] = ()
@@ -332,7 +332,7 @@ def result(
     seed: int | None = None,
     complete: bool = True,
     answers: Iterable[Answer] = (),
-    standings: Iterable[Standing] = (),
+    standings: Iterable[StudyVerdict] = (),
     sheets: Iterable[ReportTable] = (),
     remarks: Iterable[str] = (),
     values: Iterable[Value] = (),

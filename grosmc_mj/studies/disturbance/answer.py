@@ -29,7 +29,7 @@ from grosmc_mj.output.results.result import (
     ReportTable,
     Result,
     Series,
-    Standing,
+    StudyVerdict,
     Value,
     finite,
     result,
@@ -247,7 +247,7 @@ def disturbance_result(
     for worst in rows:
         breaks_at = "" if worst.kept else "worst disturbance"
         standings.append(
-            Standing(
+            StudyVerdict(
                 case=target,
                 law=worst.law,
                 breaks_at=breaks_at,

@@ -16,10 +16,11 @@ from grosmc_mj.output.results.result import (
     CellChart,
     ReportTable,
     Result,
-    Standing,
+    StudyVerdict,
+    Value,
+    finite,
     result,
 )
-from grosmc_mj.output.results.standings import values_of
 from grosmc_mj.output.results.tables import Table, names, number, numbers, table, text, words
 from grosmc_mj.output.results.verdicts import Verdict, first_failed
 from grosmc_mj.studies.ladder.climb import ALONE, UP_TO, climbs, fallen
@@ -280,7 +281,9 @@ def sheets(studied: Ladder, rows: Sequence[Verdict]) -> list[ReportTable]:
     return parts
 
 
-def _standings(studied: Ladder, rows: Sequence[Verdict], *, complete: bool) -> Iterator[Standing]:
+def _standings(
+    studied: Ladder, rows: Sequence[Verdict], *, complete: bool
+) -> Iterator[StudyVerdict]:
     """Yield the first rung on which each law breaks, under the first condition."""
     condition = studied.conditions[0].name
     for law, rungs in climbs(rows, condition).items():
@@ -294,13 +297,22 @@ def _standings(studied: Ladder, rows: Sequence[Verdict], *, complete: bool) -> I
             answer = f"{failed.words} ({condition})"
         elif not complete:
             answer += " so far"
-        yield Standing(
+        yield StudyVerdict(
             case=studied.target,
             law=law,
             breaks_at=breaks_at,
             words=answer,
             complete=complete or failed is not None,
         )
+
+
+def _values(target: str, rows: Sequence[Verdict]) -> Iterator[Value]:
+    for row in rows:
+        if not row.impossible:
+            name = f"{target} {row.condition} {row.law}, {row.group} {row.step}"
+            yield Value(name=name, value="kept" if row.kept else "not kept")
+            used = finite(row.share)
+            yield Value(name=f"{name}: share of the limit", value=used, better=-1, relative=0.1)
 
 
 def ladder_result(studied: Ladder, rows: Sequence[Verdict], *, complete: bool) -> Result:
@@ -321,7 +333,7 @@ def ladder_result(studied: Ladder, rows: Sequence[Verdict], *, complete: bool) -
         standings=_standings(studied, rows, complete=complete),
         sheets=sheets(studied, rows),
         remarks=filter(None, [assumed_text(studied)]),
-        values=values_of(studied.target, rows),
+        values=_values(studied.target, rows),
         target=studied.target,
         title=case.title,
         units=studied.units,

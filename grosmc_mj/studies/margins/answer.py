@@ -13,7 +13,7 @@ from grosmc_mj.output.results.result import (
     Answer,
     ReportTable,
     Result,
-    Standing,
+    StudyVerdict,
     Value,
     finite,
     result,
@@ -304,10 +304,10 @@ def margins_result(studied: MarginStudy, rows: Sequence[LawMargins], *, complete
     )
 
 
-def _standing(row: LawMargins, *, complete: bool) -> Standing:
+def _standing(row: LawMargins, *, complete: bool) -> StudyVerdict:
     """The conditions under which a law breaks without any change."""
     reasons = [f"{refused.condition}: {refused.words}" for refused in row.refused]
-    return Standing(
+    return StudyVerdict(
         case=row.setup,
         law=row.law,
         breaks_at=", ".join(refused.condition for refused in row.refused),

@@ -14,10 +14,10 @@ from grosmc_mj.output.results.result import (
     CellChart,
     ReportTable,
     Result,
-    Standing,
+    StudyVerdict,
+    Value,
     result,
 )
-from grosmc_mj.output.results.standings import values_of
 from grosmc_mj.output.results.tables import Table, number
 from grosmc_mj.output.results.verdicts import Verdict, by_law
 from grosmc_mj.studies.matrix import (
@@ -157,7 +157,7 @@ def charts(studied: ToleranceStudy, rows: Sequence[Verdict]) -> dict[str, CellCh
 
 def _standings(
     target: str, rows: Sequence[Verdict], kinds: Kinds, *, complete: bool
-) -> Iterator[Standing]:
+) -> Iterator[StudyVerdict]:
     """Yield the smallest tolerance of each law."""
     for law, of_law in by_law(rows).items():
         kept = [row for row in of_law if row.largest_kept is not None]
@@ -175,7 +175,19 @@ def _standings(
             if least.largest_kept and not only_without(least, kind):
                 amount = f"up to {amount_text(kind, least.largest_kept)}"
             answer = f"kept {amount}, then {reason(least)} ({least.condition})"
-        yield Standing(case=target, law=law, breaks_at=breaks_at, words=answer, complete=complete)
+        yield StudyVerdict(
+            case=target, law=law, breaks_at=breaks_at, words=answer, complete=complete
+        )
+
+
+def _values(target: str, rows: Sequence[Verdict]) -> Iterator[Value]:
+    for row in rows:
+        if not row.impossible:
+            name = f"{target} {row.condition} {row.law}, {row.step}"
+            ideally = "not kept" if row.largest_kept is None else "kept"
+            yield Value(name=f"{name}: ideally", value=ideally)
+            largest = row.largest_kept or 0.0
+            yield Value(name=f"{name}: largest kept", value=largest, better=1, relative=0.1)
 
 
 def tolerance_result(studied: ToleranceStudy, rows: Sequence[Verdict], *, complete: bool) -> Result:
@@ -206,7 +218,7 @@ def tolerance_result(studied: ToleranceStudy, rows: Sequence[Verdict], *, comple
         standings=_standings(target, rows, kinds, complete=complete),
         sheets=[sheet],
         remarks=remarks,
-        values=values_of(target, rows, searched=True),
+        values=_values(target, rows),
         target=target,
         conditions=conditions_document(studied.conditions),
         imperfections=[_imperfection_document(kind) for kind in studied.imperfections],

@@ -1,14 +1,14 @@
 """The case of a system that tells most, and the quantity that is shown of it."""
 
-from grosmc_mj.output.page.reading import Curve, CurvePanel, Curves, LimitLine
+from grosmc_mj.output.page.reading import CurvePanel, Curves, LimitLine, RecordedCurve
 from grosmc_mj.output.page.verdicts import stories
-from grosmc_mj.output.results.result import Standing
+from grosmc_mj.output.results.result import StudyVerdict
 
 
 def panel(label: str, limit: str, largest: float) -> CurvePanel:
     """A quantity with a limit, in which one law is as large as this and the other one is 1."""
     curves = [
-        Curve(t=[0.0, 1.0], y=[0.0, size], law=law, plant="physics")
+        RecordedCurve(t=[0.0, 1.0], y=[0.0, size], law=law, plant="physics")
         for law, size in (("lqr", largest), ("grosmc", 1.0))
     ]
     limits = [LimitLine(t=[0.0, 1.0], y=[2.0, 2.0], words=limit)]
@@ -23,7 +23,7 @@ def shown(requirement: str) -> str:
         panel("current [A]", "input below 4 A", largest=9.0),
     ]
     curves = Curves(kind="curves", system="servo", case="case1", duration=1.0, panels=panels)
-    missed = Standing(
+    missed = StudyVerdict(
         case="servo/case1",
         law="lqr",
         breaks_at="physics",

@@ -28,7 +28,6 @@ from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.mechanics.machine import Transmission
 from grosmc_mj.mechanics.physics.edits import BodyEdit
 from grosmc_mj.output.results.document import json_text
-from grosmc_mj.output.results.standings import values_of
 from grosmc_mj.output.results.verdicts import Verdict, described, first_failed, verdict_of
 from grosmc_mj.simulation.loop import Computing, Loop, Sensor
 from grosmc_mj.simulation.loop.sensors import quantized
@@ -762,7 +761,7 @@ def test_rows_under_case1_and_case2_are_kept_apart(other: dict[str, Any], tmp_pa
 
 def test_values_under_case1_and_case2_have_names_of_their_own() -> None:
     rows = [row("sensors", 0.5, condition=condition) for condition in ("case1", "case2")]
-    names = [value.name for value in values_of("servo/machine", rows)]
+    names = [value.name for value in answer._values("servo/machine", rows)]
     assert len(set(names)) == 4
     assert names[0] == "servo/machine case1 lqr, up to sensors"
 
