@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from grosmc_mj.experiments.file.schema import CaseFile
-from grosmc_mj.experiments.laws import knows_limits
+from grosmc_mj.experiments.laws.packaged import knows_limits
 from grosmc_mj.experiments.plants import NominalPlant
 from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.ground.arguments import require_known

@@ -31,7 +31,9 @@ from grosmc_mj.experiments.file.shipped import find_file
 from grosmc_mj.experiments.file.user_code import blamed, is_named, named_in
 from grosmc_mj.experiments.file.values import state_of
 from grosmc_mj.experiments.law_numbers import OF_FILE
-from grosmc_mj.experiments.laws import LawRequest, design, knows_limits
+from grosmc_mj.experiments.laws.design import design
+from grosmc_mj.experiments.laws.packaged import knows_limits, switching_numbers
+from grosmc_mj.experiments.laws.request import LawRequest
 from grosmc_mj.experiments.number import find_number
 from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant, nominal_plant
 from grosmc_mj.experiments.plausible import beyond_ranges, implausible, joint_ranges
@@ -68,7 +70,7 @@ from grosmc_mj.simulation.problem import Plant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.theory.control.controller import Controller
 from grosmc_mj.theory.control.design import realized
-from grosmc_mj.theory.control.switching import SwitchingNumbers, find_switching
+from grosmc_mj.theory.control.switching import find_switching
 from grosmc_mj.theory.control.task import AS_PRINTED, Realization
 from grosmc_mj.theory.control.uncertainty.outputs import Uncertainty
 from grosmc_mj.theory.plants import AnalyticPlant, System
@@ -525,7 +527,7 @@ class Experiment:
     @property
     def realization(self) -> Realization:
         """Realization of a sliding mode law for which the file gives none."""
-        return self._realization(self.settings.switching, self.settings.surface)
+        return self._realization(self.settings.switching, self.settings.surface, {})
 
     def _realization_of(self, table: ControllerTable, controller: Controller) -> Realization:
         """Return the realization in a law's table, unless a setting was asked for."""
@@ -539,12 +541,15 @@ class Experiment:
         counting = written - self.asked
         switching = table.switching if "switching" in counting else self.settings.switching
         surface = table.surface if "surface" in counting else self.settings.surface
-        return self._realization(switching, surface)
+        numbers = {} if is_named(table.law) else switching_numbers(table, switching)
+        return self._realization(switching, surface, numbers)
 
-    def _realization(self, switching: str, surface: str) -> Realization:
-        """Return a realization by the names of switching law and surface."""
-        slope = self.file.task.slope or SwitchingNumbers.slope
-        law = find_switching(switching, slope=slope)
+    def _realization(self, switching: str, surface: str, numbers: Mapping[str, Any]) -> Realization:
+        """Return a realization by the names of switching law and surface, and a law's numbers."""
+        of_task = {}
+        if self.file.task.slope is not None:
+            of_task["slope"] = self.file.task.slope
+        law = find_switching(switching, **{**of_task, **numbers})
         if surface == "discrete":
             return Realization(law, self.settings.control_period)
         return Realization(law, None)

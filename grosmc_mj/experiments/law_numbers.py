@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-import inspect
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cache, partial
-from typing import Any, NamedTuple, get_args, get_type_hints
+from typing import Any, NamedTuple
 
 from grosmc_mj.experiments.file.numbers import UNITS
 from grosmc_mj.experiments.file.paths import Place
 from grosmc_mj.experiments.file.schema import ControllerTable
-from grosmc_mj.experiments.laws import laws_of
+from grosmc_mj.experiments.laws.packaged import kinds_of, numbers_of
 from grosmc_mj.experiments.requirements import KINDS
 from grosmc_mj.experiments.steps import Entry, Steps, value_at
 from grosmc_mj.ground.errors import ArgumentError, unknown_name
 from grosmc_mj.ground.fields import Range
 from grosmc_mj.ground.units import is_number
+from grosmc_mj.theory.control.kinds.kind import WEIGHTS
+from grosmc_mj.theory.control.law_number import LawNumber
+from grosmc_mj.theory.control.switching import SWITCHINGS, SwitchingNumbers
 
 # Owners whose tables laws and requirements are made from when they are asked for.
 OF_FILE = ("task", "laws", "controller", "requirement", "claim")
-_WEIGHTS = ("Q", "R")
-# Arguments of a law that are no numbers.
-_NO_NUMBERS = ("name", "linearizing")
+# Numbers of a law that the task may have for all of them.
+_OF_TASK = {*WEIGHTS, "slope"}
 # Keys of a requirement that are times.
 _TIMES = {"after", "from", "to", *(kind.key for kind in KINDS if kind.quantity == "s")}
 # A number that is written as a text, with its unit.
@@ -64,21 +64,22 @@ def number_of_table(case: Any, path: str, place: Place) -> TableNumber | None:
 
     default = None
     bounds = None
-    if law is not None and keys[0] not in _WEIGHTS:
-        maker = laws_of(case.nominal).get(case.file.law(law).law)
-        numbers = {} if maker is None else _numbers_of(maker)
-        if numbers and keys[0] not in (*numbers, *ControllerTable.model_fields):
-            line = unknown_name("number", keys[0], [*numbers, *_WEIGHTS])
-            raise ArgumentError(f"{path!r}: {line}")
-        if len(keys) == 1:
-            default, bounds = numbers.get(str(keys[0]), (None, None))
+    if law is not None:
+        key = str(keys[0])
+        _refuse_unknown(case, path, law, key)
+        declared = {**numbers_of_law(case, law), **WEIGHTS}
+        if key in declared and (len(keys) == 1 or key in WEIGHTS):
+            bounds = declared[key]
+            default = _default_of(case, law, key)
 
     inner = _inner_steps(case, path, law or "", tables, keys)
     first, *others = [(*table, *inner) for table in tables]
     value = first_value(case, [first, *others])
     unit = _unit(str(keys[-1]), value)
+    if bounds is not None and bounds.unit and isinstance(bounds.unit, str):
+        unit = bounds.unit
     is_known = value is None and bounds is not None
-    if is_number(value) or unit or is_known:
+    if is_number(value) or (unit and isinstance(value, str)) or is_known:
         bounds = replace(bounds or Range(), unit=unit)
         return TableNumber(unit, bounds, first, tuple(others), default)
     return None
@@ -96,7 +97,8 @@ def first_value(case: Any, alternatives: Sequence[Steps]) -> Any:
 def _tables(case: Any, place: Place) -> list[Steps]:
     """Return the steps to the table of a place, then to those whose numbers count without its own.
 
-    A controller has the numbers of the law that it names, a law the weights of the task.
+    A controller has the numbers of the law that it names, a law the weights and the slope of the
+    task.
     """
     if place.owner == "laws":
         tables: list[Steps] = [("file", "laws", place.keys[0])]
@@ -109,36 +111,69 @@ def _tables(case: Any, place: Place) -> list[Steps]:
         base = value_at(case, (*tables[0], "law"))
         if base in case.file.laws:
             tables.append(("file", "laws", base))
-    if set(_WEIGHTS) & {*place.keys}:
+    if _OF_TASK & {*place.keys}:
         tables.append(("file", "task"))
     return tables
 
 
-# Signatures are slow to read, and each number of a law is asked for often.
-@cache
-def _numbers_of(maker: Any) -> Mapping[str, tuple[float | None, Range]]:
-    """Return the numbers of a law of the package: defaults and ranges.
+def numbers_of_law(case: Any, name: str) -> Mapping[str, LawNumber]:
+    """Return the numbers of a law of the package by their keys; none of a law of the user's own.
 
-    A number without default must be given, or is computed from others.
+    Args:
+        case: The experiment.
+        name: Name of a controller of the file, or of a law.
     """
-    function = maker.func if isinstance(maker, partial) else maker
-    hints = get_type_hints(function, include_extras=True)
-    _, *parameters = inspect.signature(maker).parameters.values()
-    numbers = {}
-    for item in parameters:
-        if item.name not in _NO_NUMBERS:
-            default = float(item.default) if is_number(item.default) else None
-            numbers[item.name] = (default, _range_in(hints[item.name]))
+    table = case.file.law(name)
+    kind = kinds_of(case.nominal).get(table.law)
+    if kind is None:
+        return {}
+    return numbers_of(kind, table.switching)
+
+
+def tunable_numbers(case: Any, name: str) -> Mapping[str, LawNumber]:
+    """Return what a search may change of a law of the package, by the keys in its table.
+
+    Each key has its bounds, the range of a search and its scale. Of numbers that exclude each
+    other those of the file's way are there. ``Q`` and ``R`` stand for all their entries, which
+    ``named_weights`` lists.
+
+    Args:
+        case: The experiment.
+        name: Name of a controller of the file, or of a law.
+    """
+    table = case.file.law(name)
+    kind = kinds_of(case.nominal).get(table.law)
+    if kind is None:
+        return {}
+    numbers = dict(kind.tunable(kind.way_of(table.numbers)))
+    if kind.switches:
+        numbers.update(SWITCHINGS[table.switching].numbers)
     return numbers
 
 
-def _range_in(hint: Any) -> Range:
-    """Return the range in a type, which may be optional; without bounds if it has none."""
-    for part in (hint, *get_args(hint)):
-        for note in getattr(part, "__metadata__", ()):
-            if isinstance(note, Range):
-                return note
-    return Range()
+def _refuse_unknown(case: Any, path: str, law: str, key: str) -> None:
+    """Refuse a key that a law of the package does not have.
+
+    Raises:
+        ArgumentError: With the nearest one.
+    """
+    kind = kinds_of(case.nominal).get(case.file.law(law).law)
+    if kind is None:
+        return
+    keys = [*kind.field_names(), *numbers_of_law(case, law), *kind.weights]
+    if keys and key not in (*keys, *WEIGHTS, *ControllerTable.model_fields):
+        raise ArgumentError(f"{path!r}: {unknown_name('number', key, dict.fromkeys(keys))}")
+
+
+def _default_of(case: Any, name: str, key: str) -> float | None:
+    """Return the value of a number of a law that its table does not give; None if it must."""
+    table = case.file.law(name)
+    kind = kinds_of(case.nominal).get(table.law)
+    if kind is None:
+        return None
+    if kind.switches and key in SWITCHINGS[table.switching].numbers:
+        return getattr(SwitchingNumbers(), key)
+    return kind.defaults().get(key)
 
 
 def _unit(key: str, value: Any) -> str:
@@ -160,7 +195,7 @@ def _inner_steps(
         ArgumentError: If there is no such entry.
     """
     key, *inner = keys
-    if key not in _WEIGHTS or len(inner) != 1:
+    if key not in WEIGHTS or len(inner) != 1:
         return tuple(keys)
 
     (entry,) = inner

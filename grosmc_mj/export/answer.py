@@ -27,7 +27,7 @@ from grosmc_mj.output.results.result import (
 )
 from grosmc_mj.output.results.tables import Table, names, number, numbers, table, words
 from grosmc_mj.theory.control.controller import Controller
-from grosmc_mj.theory.control.rivals.pid import PidNumbers
+from grosmc_mj.theory.control.kinds.pid import PidNumbers
 
 NOT_PROVEN = "not proven: there is no C compiler here"
 

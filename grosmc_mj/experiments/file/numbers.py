@@ -13,11 +13,11 @@ from grosmc_mj.ground.arguments import reals, require_known
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, name_list, placed, value_text
 from grosmc_mj.ground.units import is_number, number_in
-from grosmc_mj.theory.control.rivals.pid_tuning import Tuning
+from grosmc_mj.theory.control.pid_tuning import Tuning
 from grosmc_mj.theory.control.uncertainty.outputs import Uncertainty
 from grosmc_mj.theory.control.uncertainty.states import StateUncertainty
 
-# Numbers of laws that may be written as a text with a unit.
+# Numbers of a user's own law that may be written as a text with a unit.
 UNITS = {"frequency": "rad/s", "bandwidth": "rad/s", "filter": "s", "tracking_time": "s"}
 
 Declared = TypeVar("Declared", Uncertainty, StateUncertainty)
@@ -27,8 +27,8 @@ def law_number(
     name: str,
     value: Any,
     names: Sequence[str] = (),
-    input_units: Sequence[str] = (),
     *,
+    unit: str = "",
     of_states: bool = False,
 ) -> Any:
     """Return a number, a matrix, an uncertainty, a tuning, or the name of a body or of outputs.
@@ -37,7 +37,7 @@ def law_number(
         name: Key of the number.
         value: Value in the file.
         names: Names of the error state's entries, if the law has some.
-        input_units: Unit of each input, if the law's numbers are those of the package.
+        unit: Unit in which it may be written as a text; empty for none.
         of_states: Whether the law is designed on the linearization, with an uncertainty of states.
 
     Raises:
@@ -57,15 +57,8 @@ def law_number(
         return value
     if name == "tune":
         return _tuning(value)
-    if name in UNITS and isinstance(value, str):
-        return _with_unit(name, value, UNITS[name])
-    if name == "limit" and isinstance(value, str) and input_units:
-        if len(set(input_units)) > 1:
-            raise ArgumentError(
-                f"limit = {value_text(value)} must be a number: the inputs have different units, "
-                f"{name_list(input_units)}"
-            )
-        return _with_unit(name, value, input_units[0])
+    if unit and isinstance(value, str):
+        return _with_unit(name, value, unit)
 
     if name == "G" and isinstance(value, dict):
         value = [in_order(name, value, names, missing=0.0)]

@@ -12,11 +12,12 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, GainError
-from grosmc_mj.ground.fields import Is, Name, Positive, Range, checked_call
+from grosmc_mj.ground.fields import Is, Name, checked_call
 from grosmc_mj.theory.control import laws
 from grosmc_mj.theory.control.controller import Controller, Design, named_gains
 from grosmc_mj.theory.control.coordinates.base import Coordinates, OutputCoordinates
 from grosmc_mj.theory.control.coordinates.symbolic import ErrorCoordinates
+from grosmc_mj.theory.control.law_number import LawNumber
 from grosmc_mj.theory.control.lqr import LqrDesign, design_of_gain
 from grosmc_mj.theory.control.memory import FeedbackMemory, memory_of
 from grosmc_mj.theory.control.surface import surface_matrix, surface_rates
@@ -30,6 +31,41 @@ from grosmc_mj.theory.control.uncertainty.states import StateUncertainty
 NOMINAL_INPUT_SHARE = 0.9
 # No uncertainty beside the default reaching rate.
 NO_UNCERTAINTY = StateUncertainty()
+
+ReachingGain = Annotated[
+    float,
+    LawNumber(
+        low=0,
+        above=True,
+        unit="1/s",
+        meaning="proportional reaching gain k",
+        search=(0.3, 300),
+    ),
+]
+SwitchingGain = Annotated[
+    float,
+    LawNumber(
+        low=0,
+        above=True,
+        meaning="switching gain epsilon, in the unit of s per second",
+        search=(1e-2, 1e4),
+    ),
+]
+PdFrequency = Annotated[
+    float,
+    LawNumber(
+        low=0,
+        high=1e150,
+        unit="rad/s",
+        above=True,
+        meaning="frequency w of both poles",
+        search=(0.3, 300),
+    ),
+]
+Damping = Annotated[
+    float,
+    LawNumber(low=0, high=1e150, above=True, meaning="damping D of both poles", search=(0.3, 3)),
+]
 
 
 @checked_call
@@ -49,8 +85,8 @@ def linearized_lqr(task: Task, name: Name = "fl-lqr") -> Controller:
 @checked_call
 def computed_torque_pd(
     task: Task,
-    frequency: Annotated[float, Range(0, 1e150, "rad/s", above=True)],
-    damping: Annotated[float, Range(0, 1e150, above=True)] = 1.0,
+    frequency: PdFrequency,
+    damping: Damping = 1.0,
 ) -> Controller:
     """Feedback linearization with the same two poles for every output: v = -w^2 e - 2 D w e'.
 
@@ -127,7 +163,7 @@ def regulating_grosmc(
 
 @checked_call
 def tracking_grosmc(
-    task: Task, k: Positive, epsilon: Positive, G: ArrayLike | None = None
+    task: Task, k: ReachingGain, epsilon: SwitchingGain, G: ArrayLike | None = None
 ) -> Controller:
     """GROSMC of section 4, eqs. (51)+(55), with given gains.
 

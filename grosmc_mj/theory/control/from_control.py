@@ -13,13 +13,13 @@ from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.ground.fields import Is, Name, Range, checked_call
 from grosmc_mj.theory.control.controller import Controller, noting_controller
 from grosmc_mj.theory.control.coordinates.base import Coordinates
-from grosmc_mj.theory.control.memory import memory_of
-from grosmc_mj.theory.control.rivals.dynamic_feedback import (
+from grosmc_mj.theory.control.dynamic_feedback import (
     DynamicMemory,
     DynamicParameters,
     Dynamics,
     dynamic_feedback,
 )
+from grosmc_mj.theory.control.memory import memory_of
 
 
 @checked_call

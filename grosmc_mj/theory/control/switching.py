@@ -10,15 +10,16 @@ s' = phi + w, where w is the disturbance of s:
 - q: its ``SwitchingNumbers``.
 
 The chapter's law is ``sign``; the others do without its chatter. A new law is a function here and
-an entry of ``SWITCHINGS``, and of ``_FURTHER_MEMORY`` if it remembers more than the surface does.
+a ``SwitchingKind`` in ``SWITCHINGS``, which says what it reads and remembers.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, fields
+from functools import cache
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -26,7 +27,8 @@ from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.compilation.jitable import jitable
 from grosmc_mj.ground.errors import GainError
-from grosmc_mj.ground.fields import NotNegative, Positive, checked
+from grosmc_mj.ground.fields import checked, range_of
+from grosmc_mj.theory.control.law_number import LawNumber
 from grosmc_mj.theory.control.matrices import norm
 from grosmc_mj.theory.control.memory import SurfaceMemory, memory_of, vector
 
@@ -36,25 +38,54 @@ SwitchingTerm = Callable[[Any, float, float, Any, Any, Any], None]
 
 @checked(GainError)
 class SwitchingNumbers:
-    """Numbers of the switching laws; each law reads its own.
+    """Numbers of the switching laws; each law reads its own."""
 
-    Attributes:
-        gain: Factor on the law's switching gain rho.
-        width: Thickness of the boundary layer over h gain rho, the most that the law moves s by
-            in a sample; above 0.5, or it chatters like sgn.
-        slope: L of the super-twisting law, the bound of |w'|, in the unit of s per second squared.
-            A load or a wrong inertia is there at t = 0, without a reaching phase: the larger L,
-            the sooner it is made up for. The law's own ripple is 1.1 L h.
-        share: c h^2 of the adaptive law. Within mu the gain changes by up to four times this share
-            of itself in a sample: with less it lags behind w, with more it rings.
-        least: Smallest gain of the adaptive law, in the unit of s per second.
-    """
-
-    gain: NotNegative = 1.0
-    width: Positive = 2.0
-    slope: Positive = 100.0
-    share: Positive = 0.02
-    least: Positive = 1e-2
+    gain: Annotated[
+        float,
+        LawNumber(low=0, meaning="factor on the law's switching gain rho", search=(0.1, 10)),
+    ] = 1.0
+    # Above 0.5, or it chatters like sgn.
+    width: Annotated[
+        float,
+        LawNumber(
+            low=0,
+            above=True,
+            meaning="thickness of the boundary layer over h gain rho, the most that the law moves "
+            "s by in a sample",
+            search=(0.6, 50),
+        ),
+    ] = 2.0
+    # A load or a wrong inertia is there at t = 0, without a reaching phase: the larger L, the
+    # sooner it is made up for. The law's own ripple is 1.1 L h.
+    slope: Annotated[
+        float,
+        LawNumber(
+            low=0,
+            above=True,
+            meaning="L, the bound of |w'|, in the unit of s per second squared",
+            search=(1, 1e5),
+        ),
+    ] = 100.0
+    # Within mu the gain changes by up to four times this share of itself in a sample: with less
+    # it lags behind w, with more it rings.
+    share: Annotated[
+        float,
+        LawNumber(
+            low=0,
+            above=True,
+            meaning="c h^2, the growth of the gain over |s| in a sample",
+            search=(1e-3, 0.2),
+        ),
+    ] = 0.02
+    least: Annotated[
+        float,
+        LawNumber(
+            low=0,
+            above=True,
+            meaning="smallest gain, in the unit of s per second",
+            search=(1e-4, 1),
+        ),
+    ] = 1e-2
 
 
 @dataclass
@@ -90,6 +121,38 @@ class AdaptedMemory(SurfaceMemory):
     adapted: Array = vector("m")
 
 
+@dataclass(frozen=True)
+class SwitchingKind:
+    """A kind of switching law.
+
+    Attributes:
+        reach: Function that writes phi.
+        reads: The fields of ``SwitchingNumbers`` that it reads.
+        memory: Class of its memory, if it has more of it than the surface.
+    """
+
+    reach: SwitchingTerm
+    reads: tuple[str, ...] = ("gain",)
+    memory: type[SurfaceMemory] = SurfaceMemory
+
+    @property
+    def numbers(self) -> Mapping[str, LawNumber]:
+        """Its numbers by their keys."""
+        return {name: number for name, number in _declared().items() if name in self.reads}
+
+
+# Reading types is slow, and each number of a law is asked for often.
+@cache
+def _declared() -> Mapping[str, LawNumber]:
+    """Return the numbers of all switching laws by their keys."""
+    numbers = {}
+    for item in fields(SwitchingNumbers):
+        number = range_of(SwitchingNumbers, item.name)
+        assert isinstance(number, LawNumber)
+        numbers[item.name] = number
+    return numbers
+
+
 class Switching(NamedTuple):
     """A switching law with its numbers, by ``find_switching``.
 
@@ -104,7 +167,7 @@ class Switching(NamedTuple):
     @property
     def reach(self) -> SwitchingTerm:
         """Function that writes phi."""
-        return SWITCHINGS[self.name]
+        return SWITCHINGS[self.name].reach
 
     def new_memory(self, m: int, n: int) -> Callable[[], Any]:
         """Return the function that makes the memory of a new run.
@@ -113,7 +176,7 @@ class Switching(NamedTuple):
             m: Number of inputs.
             n: Number of entries of z.
         """
-        kind = _FURTHER_MEMORY.get(self.name, SurfaceMemory)
+        kind = SWITCHINGS[self.name].memory
         initial = {}
         if kind is AdaptedMemory:
             initial["adapted"] = np.full(m, self.numbers.least)
@@ -297,22 +360,15 @@ def implicit_unit_vector(
         phi[i] = scale * s[i]
 
 
-SWITCHINGS: Mapping[str, SwitchingTerm] = {
-    "sign": sign,
-    "boundary-layer": boundary_layer,
-    "implicit": implicit,
-    "implicit-estimate": implicit_estimate,
-    "super-twisting": super_twisting,
-    "adaptive": adaptive,
-    "unit-vector": unit_vector,
-    "implicit-unit-vector": implicit_unit_vector,
-}
-
-# Memory of the switching laws that have more of it than the surface.
-_FURTHER_MEMORY: Mapping[str, type[SurfaceMemory]] = {
-    "implicit-estimate": EstimateMemory,
-    "super-twisting": TwistMemory,
-    "adaptive": AdaptedMemory,
+SWITCHINGS: Mapping[str, SwitchingKind] = {
+    "sign": SwitchingKind(sign),
+    "boundary-layer": SwitchingKind(boundary_layer, ("gain", "width")),
+    "implicit": SwitchingKind(implicit),
+    "implicit-estimate": SwitchingKind(implicit_estimate, memory=EstimateMemory),
+    "super-twisting": SwitchingKind(super_twisting, ("gain", "slope"), TwistMemory),
+    "adaptive": SwitchingKind(adaptive, ("gain", "share", "least"), AdaptedMemory),
+    "unit-vector": SwitchingKind(unit_vector),
+    "implicit-unit-vector": SwitchingKind(implicit_unit_vector),
 }
 
 

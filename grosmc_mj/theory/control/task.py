@@ -22,9 +22,11 @@ from grosmc_mj.theory.control.coordinates.base import (
     regulated_outputs,
 )
 from grosmc_mj.theory.control.coordinates.state import StateCoordinates
+from grosmc_mj.theory.control.law_number import LawNumber
 from grosmc_mj.theory.control.lqr import LqrDesign, lqr_of_states
 from grosmc_mj.theory.control.switching import Switching, SwitchingNumbers, find_switching
 from grosmc_mj.theory.plants import AnalyticPlant, OperatingPoint, Plant
+from grosmc_mj.theory.plants.owner_units import INPUT
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +102,10 @@ Analytic = Annotated[
     AnalyticPlant, Is(AnalyticPlant, "an analytic plant, such as MujocoPlant.load(...).analytic()")
 ]
 # Largest |u| that the actuators give, in the unit of the input; infinite for none.
-Limit = Annotated[float, Range(0, above=True, infinite=True)]
+Limit = Annotated[
+    float,
+    LawNumber(low=0, above=True, infinite=True, unit=INPUT, meaning="largest input |u|"),
+]
 
 
 @checked()

@@ -13,14 +13,6 @@ import pytest
 from shipped import nominal_controller
 
 from grosmc_mj.chapter.claims.measurements import cart
-from grosmc_mj.experiments.cases.cart_pendulum import cart as holding
-from grosmc_mj.experiments.cases.cart_pendulum.cart import (
-    LEAN,
-    force_needed,
-    holding_ism,
-    holding_lqr,
-    holding_pfl,
-)
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.ground.arrays import Array
@@ -29,6 +21,14 @@ from grosmc_mj.mechanics.physics.edits import BodyEdit
 from grosmc_mj.mechanics.physics.linearization import linearize
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.theory.control.kinds import cart as holding
+from grosmc_mj.theory.control.kinds.cart import (
+    LEAN,
+    force_needed,
+    holding_ism,
+    holding_lqr,
+    holding_pfl,
+)
 from grosmc_mj.theory.control.reaching import sliding_dynamics
 from grosmc_mj.theory.control.switching import find_switching
 from grosmc_mj.theory.control.task import Realization

@@ -32,8 +32,8 @@ from grosmc_mj.theory.control.design import (
     regulating_grosmc,
     tracking_grosmc,
 )
+from grosmc_mj.theory.control.kinds.adaptive import Adaptive
 from grosmc_mj.theory.control.references import FourierSeries, Setpoints, fourier_series, setpoints
-from grosmc_mj.theory.control.rivals.adaptive import adaptive
 from grosmc_mj.theory.control.task import Task
 from grosmc_mj.theory.control.uncertainty.outputs import Uncertainty
 from grosmc_mj.theory.plants import TWO_LINK_ARM
@@ -686,7 +686,7 @@ def test_a_robot_has_no_equations_in_symbols(call: Any) -> None:
 def test_the_adaptive_law_needs_torques_in_symbols() -> None:
     words = "two_link_arm has no torques Y theta in symbols.*: take lqi, fl-pid or adrc"
     with pytest.raises(PremiseError, match=words):
-        adaptive(two_link_task(), 1.0, 1.0)
+        Adaptive(1.0, 1.0).design(two_link_task())
 
 
 # Files that a model names

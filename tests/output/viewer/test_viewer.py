@@ -255,7 +255,7 @@ with without_graphics():
     import mujoco
 
 from grosmc_mj.output import viewer
-from grosmc_mj.experiments.cases.cart_pendulum.cart import holding_lqr
+from grosmc_mj.theory.control.kinds.cart import holding_lqr
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 
 plant = MujocoPlant.load("cart_pendulum")

@@ -22,10 +22,10 @@ from grosmc_mj.theory.control.design import (
     state_grosmc,
     tracking_grosmc,
 )
+from grosmc_mj.theory.control.kinds.adaptive import Adaptive
+from grosmc_mj.theory.control.kinds.lqi import Lqi
 from grosmc_mj.theory.control.lqr import lqr
 from grosmc_mj.theory.control.references import FourierSeries
-from grosmc_mj.theory.control.rivals.adaptive import adaptive
-from grosmc_mj.theory.control.rivals.integral import lqi
 from grosmc_mj.theory.control.switching import find_switching
 from grosmc_mj.theory.control.task import Realization, Task, state_task
 from grosmc_mj.theory.control.uncertainty.outputs import Uncertainty
@@ -182,19 +182,19 @@ def test_a_law_refuses_a_point_where_the_plant_does_not_rest() -> None:
 
 
 def test_integral_action_refuses_a_limit_of_zero() -> None:
-    require_refused("limit", lqi, task_of("arm"), 1.0, limit=0.0)
+    require_refused("limit", Lqi, 1.0, limit=0.0)
 
 
 def test_adaptive_law_refuses_a_system_without_linear_torques() -> None:
     words = "cart_pendulum has no torques Y theta"
-    require_refused(words, adaptive, task_of("cart_pendulum"), 1.0, 1.0)
+    require_refused(words, Adaptive(1.0, 1.0).design, task_of("cart_pendulum"))
 
 
 def test_adaptive_law_refuses_outputs_that_are_no_joints() -> None:
     (q,) = error_of("arm").system.symbolic_equations.h
     error = replace(error_of("arm"), outputs=(sp.sin(q),))
     task = replace(task_of("arm"), error=error)
-    require_refused("must be its joints, q", adaptive, task, 1.0, 1.0)
+    require_refused("must be its joints, q", Adaptive(1.0, 1.0).design, task)
 
 
 # Outputs without a vector relative degree: eq. (21), Assumption 7

@@ -16,8 +16,8 @@ import grosmc_mj as gm
 from grosmc_mj.ground.errors import ArgumentError, GainError
 from grosmc_mj.simulation.simulate import Engine, simulate
 from grosmc_mj.theory.control.controller import Controller
-from grosmc_mj.theory.control.rivals.pid import pid
-from grosmc_mj.theory.control.rivals.pid_tuning import (
+from grosmc_mj.theory.control.kinds.pid import Pid
+from grosmc_mj.theory.control.pid_tuning import (
     PidGains,
     PidLoop,
     Tuning,
@@ -46,7 +46,7 @@ law = "pid"
 
 def run_servo(engine: Engine = "python", duration: float = 0.5, **numbers: Any) -> gm.Trajectory:
     task = task_of("servo")
-    law = pid(task, **{**NUMBERS, **WEIGHTS, **numbers})
+    law = Pid(**{**NUMBERS, **WEIGHTS, **numbers}).design(task)
     return simulate(
         task.plant,
         law,
@@ -97,7 +97,7 @@ def test_both_engines_run_it_alike() -> None:
 def test_without_its_weight_the_rate_of_a_setpoint_does_not_count() -> None:
     """With c = 0 the arm's moving reference leaves -kd y' alone, the difference of two samples."""
     task = task_of("arm")
-    law = pid(task, kp=0.0, kd=2.0, rate_setpoint_weight=0.0)
+    law = Pid(kp=0.0, kd=2.0, rate_setpoint_weight=0.0).design(task)
     timing: Any = {"duration": 0.05, "control_period": PERIOD, "timestep": PERIOD}
     run = simulate(task.plant, law, (0.3, 0.1), engine="python", **timing)
     y = run.state[:-1, 0]

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import cache, partial
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -19,11 +18,13 @@ from grosmc_mj.simulation.disturbances import Constant, Disturbance
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.theory.control.controller import Controller
-from grosmc_mj.theory.control.design import linear_lqr, linearized_lqr
-from grosmc_mj.theory.control.rivals.adaptive import adaptive
-from grosmc_mj.theory.control.rivals.integral import fl_pid, lqi
-from grosmc_mj.theory.control.rivals.observer import adrc, observer
-from grosmc_mj.theory.control.task import Task
+from grosmc_mj.theory.control.kinds.adaptive import Adaptive, LinearAdaptive
+from grosmc_mj.theory.control.kinds.adrc import Adrc, LinearAdrc, observer
+from grosmc_mj.theory.control.kinds.fl_lqr import FlLqr
+from grosmc_mj.theory.control.kinds.fl_pid import FlPid, LinearPid
+from grosmc_mj.theory.control.kinds.kind import LawKind
+from grosmc_mj.theory.control.kinds.lqi import LinearLqi, Lqi
+from grosmc_mj.theory.control.kinds.lqr import Lqr
 from grosmc_mj.theory.plants import AnalyticPlant, Plant
 
 PERIOD = 1e-3
@@ -43,16 +44,21 @@ FREQUENCY = 3.0
 BANDWIDTH = 100.0
 
 
-def lqr_of(task: Task, *, linearizing: bool) -> Controller:
-    return linearized_lqr(task) if linearizing else linear_lqr(task)
-
-
-LAWS: dict[str, Callable[..., Controller]] = {
-    "lqr": lqr_of,
-    "lqi": partial(lqi, integral_weight=WEIGHT),
-    "fl-pid": partial(fl_pid, frequency=FREQUENCY),
-    "adrc": partial(adrc, bandwidth=BANDWIDTH),
-    "adaptive": partial(adaptive, frequency=2.0, adaptation=1.0),
+# By name, the laws on feedback linearization.
+LAWS: dict[str, LawKind] = {
+    "lqr": FlLqr(),
+    "lqi": Lqi(WEIGHT),
+    "fl-pid": FlPid(FREQUENCY),
+    "adrc": Adrc(BANDWIDTH),
+    "adaptive": Adaptive(2.0, 1.0),
+}
+# Those on the linearization, which the servo has.
+LINEAR_LAWS: dict[str, LawKind] = {
+    "lqr": Lqr(),
+    "lqi": LinearLqi(WEIGHT),
+    "fl-pid": LinearPid(FREQUENCY),
+    "adrc": LinearAdrc(BANDWIDTH),
+    "adaptive": LinearAdaptive(2.0, 1.0),
 }
 each_design = pytest.mark.parametrize("design", STARTS)
 
@@ -64,7 +70,8 @@ def nominal(design: str) -> AnalyticPlant:
 
 @cache
 def controller(design: str, name: str) -> Controller:
-    return LAWS[name](task_of(design), linearizing=design != "servo")
+    kinds = LINEAR_LAWS if design == "servo" else LAWS
+    return kinds[name].design(task_of(design))
 
 
 def run(
@@ -214,27 +221,27 @@ LIMIT = 1.5
 
 def one_sample(make: Any, number: float, limit: float) -> tuple[float, Array, Any]:
     """u, q after the sample, and the law's matrices."""
-    law = make(task_of("servo"), number, limit=limit, linearizing=False).sampled(PERIOD)
+    law = make(number, limit).design(task_of("servo")).sampled(PERIOD)
     memory: Any = law.memory()
     u = law.input_at(0.0, FAR_X, memory).item()
     return u, memory.q, law.parameters.dynamics
 
 
-@pytest.mark.parametrize("make", [lqi, fl_pid])
+@pytest.mark.parametrize("make", [LinearLqi, LinearPid])
 def test_integrals_hold_while_an_input_is_cut(make: Any) -> None:
     u, q, _ = one_sample(make, 2.0, LIMIT)
     assert u > LIMIT
     assert q.tolist() == [0.0]
 
 
-@pytest.mark.parametrize("make", [lqi, fl_pid])
+@pytest.mark.parametrize("make", [LinearLqi, LinearPid])
 def test_integrals_go_on_without_a_limit(make: Any) -> None:
     _, q, _ = one_sample(make, 2.0, math.inf)
     assert q[0] == pytest.approx(6 * PERIOD, rel=1e-3)
 
 
 def test_observer_gets_the_input_that_is_cut() -> None:
-    u, q, p = one_sample(adrc, BANDWIDTH, LIMIT)
+    u, q, p = one_sample(LinearAdrc, BANDWIDTH, LIMIT)
     assert u > LIMIT
     expected = p.F @ p.start @ FAR_Z + p.G @ FAR_Z + p.L @ [LIMIT]
     np.testing.assert_allclose(q, expected, rtol=1e-12)
@@ -245,7 +252,7 @@ def test_observer_gets_the_input_that_is_cut() -> None:
 
 @pytest.mark.parametrize("limit", [0.01, math.inf])
 def test_estimates_hold_while_an_input_is_beyond_its_limit(limit: float) -> None:
-    law = adaptive(task_of("arm"), 2.0, 1.0, limit).sampled(PERIOD)
+    law = Adaptive(2.0, 1.0, limit).design(task_of("arm")).sampled(PERIOD)
     memory: Any = law.memory()
     u = law.input_at(0.0, np.array([0.5, 0.0]), memory)
     assert abs(u.item()) > 0.01

@@ -13,7 +13,6 @@ import numpy as np
 from grosmc_mj.chapter.claims.claim import Measured, NoValueError
 from grosmc_mj.chapter.claims.measurements.measures import from_optimum, from_run, within
 from grosmc_mj.chapter.claims.measurements.theory import perturbed
-from grosmc_mj.experiments.cases.cart_pendulum.cart import holding_ism, holding_lqr
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
@@ -26,6 +25,7 @@ from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.trajectory import Status
 from grosmc_mj.theory.control.controller import Controller
 from grosmc_mj.theory.control.design import realized
+from grosmc_mj.theory.control.kinds.cart import holding_ism, holding_lqr
 from grosmc_mj.theory.control.lqr import LqrDesign, lqr
 from grosmc_mj.theory.control.reaching import mismatch, sliding_dynamics
 from grosmc_mj.theory.control.task import Realization

@@ -4,30 +4,28 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
 import scipy.linalg
 
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.ground.fields import Range, checked_call
+from grosmc_mj.ground.fields import checked
 from grosmc_mj.theory.control.controller import Controller, named_gains
-from grosmc_mj.theory.control.rivals.dynamic_feedback import (
+from grosmc_mj.theory.control.dynamic_feedback import (
     Dynamics,
     dynamic_controller,
     input_rows,
 )
+from grosmc_mj.theory.control.kinds.kind import OF_EQUATIONS, OF_OUTPUTS, LawKind
+from grosmc_mj.theory.control.law_number import LawNumber
+from grosmc_mj.theory.control.lqr import LqrDesign
 from grosmc_mj.theory.control.task import Limit, Task
 
 
-@checked_call
-def adrc(
-    task: Task,
-    bandwidth: Annotated[float, Range(0, unit="rad/s", above=True)],
-    limit: Limit = math.inf,
-    *,
-    linearizing: bool = True,
-) -> Controller:
+@checked()
+class Adrc(LawKind):
     """Linear active disturbance rejection, through feedback linearization.
 
     v = -K z - d, with the gain K of the nominal optimum and the estimate d of the disturbance in
@@ -36,44 +34,68 @@ def adrc(
     American Control Conference, 2003. It is sampled as in R. Miklosovic, A. Radke and Z. Gao,
     "Discrete implementation and generalization of the extended state observer", American Control
     Conference, 2006: exact for a held input, all poles at exp(-w_o T), estimates of the present
-    sample. It begins at the measured errors, so nominally the closed loop is the optimum.
-
-    Args:
-        task: The task.
-        bandwidth: w_o [rad/s].
-        limit: Largest |u|, in the unit of the input: the observer gets the input within it.
-        linearizing: Whether through feedback linearization; else on the plant's linearization
-            about zero error.
-
-    Raises:
-        ArgumentError: If a number is not positive.
-        GainError: If, on the linearization, zero error is no equilibrium without input.
+    sample. It begins at the measured errors, so nominally the closed loop is the optimum. The
+    observer gets the input within its limit.
     """
-    optimum = task.optimum(linearizing=linearizing)
-    degrees = task.outputs.linearization.relative_degree
-    a, E = input_rows(task, optimum)
 
-    # A function of the period, which only a run knows.
-    def sampled(period: float) -> Dynamics:
-        d = observer(degrees, bandwidth, period)
-        return replace(
-            d,
-            K=optimum.K + np.linalg.solve(E, d.K),
-            H=np.linalg.solve(E, d.H),
-            G=d.G + d.L @ a,
-            L=d.L @ E,
+    key = "adrc"
+    about = "the optimum less what an extended state observer estimates"
+    where = OF_OUTPUTS
+
+    bandwidth: Annotated[
+        float,
+        LawNumber(
+            low=0,
+            unit="rad/s",
+            above=True,
+            meaning="bandwidth w_o of the observer",
+            search=(1, 1000),
+        ),
+    ]
+    limit: Limit = math.inf
+
+    def design(self, task: Task) -> Controller:
+        """Return the law for a task.
+
+        Raises:
+            GainError: If, on the linearization, zero error is no equilibrium without input.
+        """
+        optimum = task.optimum(linearizing=self.linearizing)
+        return dynamic_controller(
+            "adrc",
+            task,
+            optimum,
+            # A function of the period, which only a run knows.
+            partial(_sampled, task, optimum, self.bandwidth),
+            linearizing=self.linearizing,
+            holds=False,
+            gains=named_gains(K=optimum.K) | {"bandwidth": self.bandwidth},
+            limit=self.limit,
+            source="Gao 2003",
         )
 
-    return dynamic_controller(
-        "adrc",
-        task,
-        optimum,
-        sampled,
-        linearizing=linearizing,
-        holds=False,
-        gains=named_gains(K=optimum.K) | {"bandwidth": bandwidth},
-        limit=limit,
-        source="Gao 2003",
+
+@checked()
+class LinearAdrc(Adrc):
+    """Linear active disturbance rejection on the plant's linearization about zero error."""
+
+    key = "linear-adrc"
+    about = "the same observer, on the linearization"
+    where = OF_EQUATIONS
+    linearizing = False
+
+
+def _sampled(task: Task, optimum: LqrDesign, bandwidth: float, period: float) -> Dynamics:
+    """Return the law's matrices for a control period [s]."""
+    degrees = task.outputs.linearization.relative_degree
+    a, E = input_rows(task, optimum)
+    d = observer(degrees, bandwidth, period)
+    return replace(
+        d,
+        K=optimum.K + np.linalg.solve(E, d.K),
+        H=np.linalg.solve(E, d.H),
+        G=d.G + d.L @ a,
+        L=d.L @ E,
     )
 
 

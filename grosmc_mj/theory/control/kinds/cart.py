@@ -7,10 +7,10 @@ of the angle and lets an outer loop on the cart shape the acceleration that is a
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,15 +18,18 @@ from numpy.typing import ArrayLike
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.compilation.jitable import jitable
 from grosmc_mj.ground.errors import GainError
+from grosmc_mj.ground.fields import checked
 from grosmc_mj.theory.control.controller import Controller, Design, named_gains
 from grosmc_mj.theory.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.theory.control.design import linear_lqr, state_grosmc
+from grosmc_mj.theory.control.kinds.kind import OF_EQUATIONS, LawKind
 from grosmc_mj.theory.control.law import Law
+from grosmc_mj.theory.control.law_number import LawNumber
 from grosmc_mj.theory.control.lqr import lqr
 from grosmc_mj.theory.control.references import setpoint
 from grosmc_mj.theory.control.surface import integrate
 from grosmc_mj.theory.control.switching import SwitchingTerm
-from grosmc_mj.theory.control.task import AS_PRINTED, FeedbackParameters, state_task
+from grosmc_mj.theory.control.task import AS_PRINTED, FeedbackParameters, Task, state_task
 from grosmc_mj.theory.control.uncertainty.states import StateUncertainty
 from grosmc_mj.theory.plants import CART_PENDULUM, AnalyticPlant, OperatingPoint
 from grosmc_mj.theory.plants.cart_pendulum import CartPendulumParameters
@@ -168,6 +171,60 @@ def holding_pfl(
         memory=switching.new_memory(1, 1),
         design=design,
     )
+
+
+class CartKind(LawKind):
+    """A law that holds pole and cart, with weights and an uncertainty of its own."""
+
+    where = OF_EQUATIONS
+    system = CART_PENDULUM.name
+    weights: ClassVar[Mapping[str, LawNumber]] = {}
+    own_weights = WEIGHTS
+
+
+@checked()
+class CartLqr(CartKind):
+    """LQR of all four states, eqs. (5)-(6)."""
+
+    key = "cart-lqr"
+    about = "LQR of pole and cart"
+    linearizing = False
+
+    def design(self, task: Task) -> Controller:
+        """Return the law for the task of all four states."""
+        plant: Any = task.plant
+        model: Any = task.model
+        return holding_lqr(plant, model)
+
+
+@checked()
+class CartIsm(CartKind):
+    """Integral sliding mode on the four-state LQR."""
+
+    key = "cart-ism"
+    about = "the chapter's law on pole and cart (section 2)"
+    linearizing = False
+    switches = True
+
+    def design(self, task: Task) -> Controller:
+        """Return the law for the task of all four states."""
+        plant: Any = task.plant
+        model: Any = task.model
+        return holding_ism(plant, model)
+
+
+@checked()
+class CartPfl(CartKind):
+    """Feedback linearization of the angle with an outer loop on the cart."""
+
+    key = "cart-pfl"
+    about = "the chapter's law on the pole, with an outer loop on the cart (section 3)"
+    switches = True
+
+    def design(self, task: Task) -> Controller:
+        """Return the law for the task of all four states."""
+        plant: Any = task.plant
+        return holding_pfl(plant)
 
 
 def _cart_behind_angle(p: CartPendulumParameters) -> tuple[Array, Array]:

@@ -8,12 +8,13 @@ from functools import cache
 from typing import Annotated, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.compilation.jitable import jitable
 from grosmc_mj.ground.errors import ArgumentError, GainError
-from grosmc_mj.ground.fields import Is, NotNegative, Range, Seconds, checked_call
+from grosmc_mj.ground.fields import Is, checked
 from grosmc_mj.theory.control.controller import (
     Controller,
     TaskNumbers,
@@ -23,16 +24,19 @@ from grosmc_mj.theory.control.controller import (
 from grosmc_mj.theory.control.coordinates.base import OutputCoordinates
 from grosmc_mj.theory.control.coordinates.state import StateCoordinates
 from grosmc_mj.theory.control.design import linear_lqr, linearized_lqr
+from grosmc_mj.theory.control.kinds.fl_pid import MOST_FREQUENCY
+from grosmc_mj.theory.control.kinds.kind import OF_OUTPUTS, LawKind, Where
 from grosmc_mj.theory.control.law import Law
+from grosmc_mj.theory.control.law_number import LawNumber
 from grosmc_mj.theory.control.memory import Memory, memory_of, vector
-from grosmc_mj.theory.control.rivals.pid_tuning import (
+from grosmc_mj.theory.control.pid_tuning import (
     PidGains,
     Tuning,
     pid_loop,
     placed_gains,
     tuned_gains,
 )
-from grosmc_mj.theory.control.task import Limit, Matrix, Task
+from grosmc_mj.theory.control.task import Limit, Task
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -84,22 +88,13 @@ class PidMemory(Memory):
     last: Array = vector("m")
 
 
-@checked_call
-def pid(
-    task: Task,
-    kp: Matrix | None = None,
-    ki: Matrix = 0.0,
-    kd: Matrix = 0.0,
-    frequency: Annotated[float, Range(0, 1e50, "rad/s", above=True)] | None = None,
-    tune: Annotated[Tuning, Is(Tuning, "a Tuning, such as Tuning(settles_within=2.0)")]
-    | None = None,
-    filter: Seconds = 0.0,
-    setpoint_weight: NotNegative = 1.0,
-    rate_setpoint_weight: NotNegative = 1.0,
-    limit: Limit | None = None,
-    tracking_time: Seconds = 0.0,
-    controls: Sequence[str] = (),
-) -> Controller:
+def _gain(meaning: str, search: tuple[float, float]) -> LawNumber:
+    """Return the declaration of a gain, which may be negative."""
+    return LawNumber(meaning=meaning, search=search, each="output")
+
+
+@checked(eq=False)
+class Pid(LawKind):
     """PID of each output, which acts on the input of the same number.
 
         u = u_e + kp (b (r - y_0) - (y - y_0)) + ki xi + kd d,    xi' = r - y,
@@ -108,64 +103,160 @@ def pid(
     through a first-order filter: K. J. Astrom and T. Hagglund, "Advanced PID Control", 2006,
     sections 3.3 to 3.5. With b = c = 1 it is PID of the error r - y. The law sees no rate: d is
     the difference of two samples, filtered by backward Euler. u_e is the operating point's input,
-    0 for a task without one.
+    0 for a task without one. With several inputs there is an output for each.
 
-    An input is cut off at its limit. Meanwhile the integral holds if it would push further beyond
-    or, with a tracking time T_t, is driven back by the excess over T_t.
+    An input is cut off at its limit, by default those of the task. Meanwhile the integral holds if
+    it would push further beyond or, with a tracking time T_t, is driven back by the excess over
+    T_t.
 
-    Its numbers are given, or come from a frequency (all poles of the linearized loop there,
-    ``placed_gains``), or from a settling time (``tuned_gains``).
-
-    Args:
-        task: The task; with several inputs an output for each.
-        kp: Gain of the error, a number or one for each output, in the unit of input per output.
-        ki: Gain of its integral [1/s].
-        kd: Gain of its rate [s].
-        frequency: Place of all poles [rad/s], instead of gains.
-        tune: Settling time that the gains are computed for, instead of gains.
-        filter: Time constant of the rate's filter [s]; 0 for none.
-        setpoint_weight: b.
-        rate_setpoint_weight: c.
-        limit: Largest |u|, in the unit of the input; by default the limits of the task.
-        tracking_time: T_t [s]; 0 to hold the integral instead.
-        controls: Names of the error state's entries that are y; by default the outputs.
-
-    Raises:
-        ArgumentError: If a number is out of bounds, or not exactly one way to the gains is given.
-        GainError: If the outputs are not as many as the inputs, or no gains are found.
+    Its gains are given, or come from a frequency (all poles of the linearized loop there,
+    ``placed_gains``), or from a settling time (``tuned_gains``). ``controls`` has the names of the
+    error state's entries that are y; by default the outputs.
     """
-    error = task.error
-    rows = _controlled(error, controls)
-    gains = _gains(task, rows, filter, kp, ki, kd, frequency, tune)
 
-    low, high = task.input_limits
-    if limit is not None:
-        low, high = -limit, limit
-    m = error.inputs
-    of_outputs = isinstance(error, OutputCoordinates)
-    like = linearized_lqr(task) if of_outputs else linear_lqr(task)
-    numbers = PidNumbers(
-        plant=like.parameters.plant,
-        reference=like.parameters.reference,
-        kp=gains.kp,
-        ki=gains.ki,
-        kd=gains.kd,
-        filter=filter,
-        setpoint_weight=setpoint_weight,
-        rate_setpoint_weight=rate_setpoint_weight,
-        low=np.broadcast_to(low, m).astype(float),
-        high=np.broadcast_to(high, m).astype(float),
-        tracking_time=tracking_time,
+    key = "pid"
+    about = "PID of the measured outputs"
+    where = OF_OUTPUTS | {Where.UNDERACTUATED}
+    follows_weights = False
+    takes_limits = True
+    ways = (("kp", "ki", "kd"), ("frequency",), ("tune",))
+
+    kp: Annotated[ArrayLike, _gain("gain of the error", (1e-3, 1e4))] | None = None
+    ki: Annotated[ArrayLike, _gain("gain of its integral", (1e-3, 1e4))] = 0.0
+    kd: Annotated[ArrayLike, _gain("gain of its rate", (1e-4, 1e3))] = 0.0
+    frequency: (
+        Annotated[
+            float,
+            LawNumber(
+                low=0,
+                high=MOST_FREQUENCY,
+                unit="rad/s",
+                above=True,
+                meaning="place of all poles, instead of gains",
+                search=(0.3, 300),
+            ),
+        ]
+        | None
+    ) = None
+    tune: Annotated[Tuning, Is(Tuning, "a Tuning, such as Tuning(settles_within=2.0)")] | None = (
+        None
     )
-    return noting_controller(
-        "pid",
-        _law(error, tuple(rows)),
-        like,
-        numbers,
-        memory_of(PidMemory, m=m, n=error.size),
-        source="Astrom and Hagglund 2006",
-        gains=_gains_to_show(gains),
-    )
+    filter: Annotated[
+        float,
+        LawNumber(
+            low=0,
+            unit="s",
+            meaning="time constant of the rate's filter; 0 for none",
+            search=(1e-4, 0.1),
+        ),
+    ] = 0.0
+    setpoint_weight: Annotated[
+        float,
+        LawNumber(
+            low=0,
+            meaning="weight b of the setpoint in the proportional part",
+            search=(0, 1),
+            log=False,
+        ),
+    ] = 1.0
+    rate_setpoint_weight: Annotated[
+        float,
+        LawNumber(
+            low=0,
+            meaning="weight c of the setpoint in the rate",
+            search=(0, 1),
+            log=False,
+        ),
+    ] = 1.0
+    limit: Limit | None = None
+    tracking_time: Annotated[
+        float,
+        LawNumber(
+            low=0,
+            unit="s",
+            meaning="time constant T_t of the anti-windup; 0 to hold the integral instead",
+            search=(1e-2, 10),
+        ),
+    ] = 0.0
+    controls: Sequence[str] = ()
+
+    @classmethod
+    def holds_states(cls, where: Where, *, follows: bool) -> bool:
+        """Whether it holds the operating point, where it knows the input: it follows no outputs."""
+        return where in (Where.AT_REST, Where.UNDERACTUATED) and not follows
+
+    def design(self, task: Task) -> Controller:
+        """Return the law for a task.
+
+        Raises:
+            ArgumentError: If not exactly one way to the gains is given.
+            GainError: If the outputs are not as many as the inputs, or no gains are found.
+        """
+        error = task.error
+        rows = _controlled(error, self.controls)
+        gains = self._gains(task, rows)
+
+        low, high = task.input_limits
+        if self.limit is not None:
+            low, high = -self.limit, self.limit
+        m = error.inputs
+        of_outputs = isinstance(error, OutputCoordinates)
+        like = linearized_lqr(task) if of_outputs else linear_lqr(task)
+        numbers = PidNumbers(
+            plant=like.parameters.plant,
+            reference=like.parameters.reference,
+            kp=gains.kp,
+            ki=gains.ki,
+            kd=gains.kd,
+            filter=self.filter,
+            setpoint_weight=self.setpoint_weight,
+            rate_setpoint_weight=self.rate_setpoint_weight,
+            low=np.broadcast_to(low, m).astype(float),
+            high=np.broadcast_to(high, m).astype(float),
+            tracking_time=self.tracking_time,
+        )
+        return noting_controller(
+            "pid",
+            _law(error, tuple(rows)),
+            like,
+            numbers,
+            memory_of(PidMemory, m=m, n=error.size),
+            source="Astrom and Hagglund 2006",
+            gains=_gains_to_show(gains),
+        )
+
+    def _gains(self, task: Task, rows: list[int]) -> PidGains:
+        """Return the gains that are given, or computed from a frequency or a settling time."""
+        ways = [way[0] for way in self.ways]
+        given = [name for name in ways if getattr(self, name) is not None]
+        if len(given) != 1:
+            beside = f", not {' and '.join(given)}" if given else ""
+            raise ArgumentError(
+                "pid needs kp (with ki and kd), or frequency, or "
+                f'tune = {{ settles_within = "2 s" }}{beside}'
+            )
+
+        if self.kp is not None:
+            m = task.error.inputs
+            return PidGains(
+                _of_each_output("kp", self.kp, m),
+                _of_each_output("ki", self.ki, m),
+                _of_each_output("kd", self.kd, m),
+            )
+        if np.any(self.ki) or np.any(self.kd):
+            raise ArgumentError(f"pid: ki and kd belong to kp, {given[0]} computes them")
+
+        loop = pid_loop(task, rows, self.filter)
+        if self.tune is not None:
+            return tuned_gains(loop, self.tune)
+        assert self.frequency is not None
+        placed = placed_gains(loop, self.frequency)
+        if placed is None:
+            raise GainError(
+                f"pid: frequency places the poles of a plant of order one or two for each output; "
+                f"{task.plant.system.name} has more: give kp, ki and kd, or tune"
+            )
+        return placed
 
 
 def _gains_to_show(gains: PidGains) -> dict[str, float]:
@@ -189,49 +280,6 @@ def _controlled(error: OutputCoordinates | StateCoordinates, names: Sequence[str
             f"them with controls, of {', '.join(error.names)}"
         )
     return rows
-
-
-def _gains(
-    task: Task,
-    rows: list[int],
-    filter_time: float,
-    kp: Any,
-    ki: Any,
-    kd: Any,
-    frequency: float | None,
-    tune: Tuning | None,
-) -> PidGains:
-    """Gains that are given, or computed from a frequency or a settling time."""
-    ways = {"kp": kp, "frequency": frequency, "tune": tune}
-    given = [name for name, value in ways.items() if value is not None]
-    if len(given) != 1:
-        beside = f", not {' and '.join(given)}" if given else ""
-        raise ArgumentError(
-            "pid needs kp (with ki and kd), or frequency, or "
-            f'tune = {{ settles_within = "2 s" }}{beside}'
-        )
-
-    if kp is not None:
-        m = task.error.inputs
-        return PidGains(
-            _of_each_output("kp", kp, m),
-            _of_each_output("ki", ki, m),
-            _of_each_output("kd", kd, m),
-        )
-    if np.any(ki) or np.any(kd):
-        raise ArgumentError(f"pid: ki and kd belong to kp, {given[0]} computes them")
-
-    loop = pid_loop(task, rows, filter_time)
-    if tune is not None:
-        return tuned_gains(loop, tune)
-    assert frequency is not None
-    placed = placed_gains(loop, frequency)
-    if placed is None:
-        raise GainError(
-            f"pid: frequency places the poles of a plant of order one or two for each output; "
-            f"{task.plant.system.name} has more: give kp, ki and kd, or tune"
-        )
-    return placed
 
 
 def _of_each_output(name: str, value: Any, m: int) -> Array:

@@ -5,18 +5,20 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import PremiseError
-from grosmc_mj.ground.fields import Positive, checked_call
+from grosmc_mj.ground.fields import checked
 from grosmc_mj.theory.control.controller import Controller, TaskNumbers, noting_controller
 from grosmc_mj.theory.control.coordinates.base import OutputCoordinates
 from grosmc_mj.theory.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.theory.control.design import linear_lqr, linearized_lqr
+from grosmc_mj.theory.control.kinds.kind import OF_EQUATIONS, LawKind
 from grosmc_mj.theory.control.law import Law
+from grosmc_mj.theory.control.law_number import LawNumber
 from grosmc_mj.theory.control.matrices import row_times
 from grosmc_mj.theory.control.memory import Memory, memory_of, vector
 from grosmc_mj.theory.control.task import Limit, Task
@@ -60,15 +62,8 @@ class AdaptiveMemory(Memory):
     a: Array = vector("m")
 
 
-@checked_call
-def adaptive(
-    task: Task,
-    frequency: Positive,
-    adaptation: Positive,
-    limit: Limit = math.inf,
-    *,
-    linearizing: bool = True,
-) -> Controller:
+@checked()
+class Adaptive(LawKind):
     """Slotine and Li's adaptive law for a mechanical system with an input for each joint.
 
         u = Y(q, q', r, r') theta - K_D s,   theta' = -gamma Y's,
@@ -78,45 +73,77 @@ def adaptive(
     the adaptive control of robot manipulators", International Journal of Robotics Research 6(3),
     1987. The estimates begin at the nominal parameters, a constant load on each joint among them
     at zero, and take a step of Euler's method a sample: with gamma T |Y|^2 near 2 K_D they drift
-    instead of settling. Nominally, without adaptation and as long
-    as the inertia stays what it is, both poles of the error are at -Lambda.
+    instead of settling; they hold while an input is beyond its limit. Nominally, without
+    adaptation and as long as the inertia stays what it is, both poles of the error are at -Lambda.
 
-    Args:
-        task: What is designed for; the outputs must be the joints of a system with a
-            parametrization: the servo, the arm, the two-link arm.
-        frequency: Lambda [1/s].
-        adaptation: gamma, the same for all parameters in SI units.
-        limit: Largest |u|, in the unit of the input: the estimates hold while an input is beyond.
-        linearizing: Whether it is judged against the optimum after feedback linearization; else
-            against that of the plant's linearization.
-
-    Raises:
-        ArgumentError: If a number is not positive.
-        PremiseError: If the system has no parametrization, or other outputs than its joints.
+    The outputs must be the joints of a system with a parametrization: the servo, the arm, the
+    two-link arm. Its runs are compared with the optimum after feedback linearization.
     """
-    error = task.outputs
-    parametrization = _parametrization_of(error)
 
-    q_d = np.array(error.reference(0.0, task.reference))[::3]
-    damping = frequency * parametrization.inertia(q_d, task.plant.parameters)
-    like = linearized_lqr(task) if linearizing else linear_lqr(task)
-    numbers = AdaptiveNumbers(
-        plant=like.parameters.plant,
-        reference=like.parameters.reference,
-        frequency=frequency,
-        adaptation=adaptation,
-        damping=damping,
-        limit=limit,
-    )
-    return noting_controller(
-        "adaptive",
-        slotine_li(error, parametrization),
-        like,
-        numbers,
-        memory_of(AdaptiveMemory, m=error.inputs, n=error.size, k=len(parametrization.theta)),
-        source="Slotine and Li 1987",
-        gains={"frequency": frequency, "adaptation": adaptation},
-    )
+    key = "adaptive"
+    about = "Slotine and Li's law, which adapts the parameters"
+    where = OF_EQUATIONS
+    follows_weights = False
+
+    frequency: Annotated[
+        float,
+        LawNumber(
+            low=0,
+            unit="rad/s",
+            above=True,
+            meaning="Lambda, the place of both poles of the error",
+            search=(0.3, 300),
+        ),
+    ]
+    adaptation: Annotated[
+        float,
+        LawNumber(
+            low=0,
+            above=True,
+            meaning="gamma, the rate of adaptation of all parameters in SI units",
+            search=(1e-4, 1e3),
+        ),
+    ]
+    limit: Limit = math.inf
+
+    def design(self, task: Task) -> Controller:
+        """Return the law for a task.
+
+        Raises:
+            PremiseError: If the system has no parametrization, or other outputs than its joints.
+        """
+        error = task.outputs
+        parametrization = _parametrization_of(error)
+
+        q_d = np.array(error.reference(0.0, task.reference))[::3]
+        damping = self.frequency * parametrization.inertia(q_d, task.plant.parameters)
+        like = linearized_lqr(task) if self.linearizing else linear_lqr(task)
+        numbers = AdaptiveNumbers(
+            plant=like.parameters.plant,
+            reference=like.parameters.reference,
+            frequency=self.frequency,
+            adaptation=self.adaptation,
+            damping=damping,
+            limit=self.limit,
+        )
+        return noting_controller(
+            "adaptive",
+            slotine_li(error, parametrization),
+            like,
+            numbers,
+            memory_of(AdaptiveMemory, m=error.inputs, n=error.size, k=len(parametrization.theta)),
+            source="Slotine and Li 1987",
+            gains={"frequency": self.frequency, "adaptation": self.adaptation},
+        )
+
+
+@checked()
+class LinearAdaptive(Adaptive):
+    """Slotine and Li's law, compared with the optimum of the plant's linearization."""
+
+    key = "linear-adaptive"
+    about = "the same law beside the optimum of the linearization"
+    linearizing = False
 
 
 def _parametrization_of(error: OutputCoordinates) -> LinearParametrization:
