@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import keyword
 import re
 import sys
@@ -25,22 +26,62 @@ class NewCommand(Command):
     """Write a case file to begin with: NAME.toml, every key explained.
 
     Attributes:
-        name: Name of the case, and of its file.
+        name: Name of the case, and of its file; with --schema the file that is written, and
+            without it the schema is printed.
         like: Copy this case of the package instead, such as cart_pendulum/case1.
         python: Write NAME.py too, with a plant, a law and a controller of your own, and a case
             file that uses them.
+        schema: Write a JSON schema of case files instead, from which editors of TOML take
+            completion, help and checks of keys.
     """
 
-    name: str
+    name: Annotated[str, Parameter(show_default=False)] = ""
     _: KW_ONLY
     like: Annotated[str | None, Parameter(metavar="SYSTEM/CASE")] = None
     python: Flag = False
+    schema: Flag = False
 
     def execute(self) -> int:
-        """Write a case file to begin with."""
+        """Write a case file to begin with, or the schema of case files."""
+        if self.schema:
+            return self._write_schema()
+        if not self.name:
+            raise ArgumentError("give the case a name: grosmc-mj new NAME")
+        texts = self._texts()
+        self._write(texts)
+        files = " and ".join(texts)
+        screen.console().print(
+            f"{files} written; run: grosmc-mj run {self._case_name()}.toml", soft_wrap=True
+        )
+        return DONE
+
+    def _write_schema(self) -> int:
+        """Print the schema of case files, or write it into the file of the name."""
+        from grosmc_mj.experiments.file.json_schema import schema_of_case_files
+
+        if self.like is not None or self.python:
+            raise ArgumentError("--schema writes no case: leave --like and --python out")
+        text = json.dumps(schema_of_case_files(), indent=2, ensure_ascii=False)
+        if not self.name:
+            print(text)
+            return DONE
+        self._write({self.name: f"{text}\n"})
+        screen.console().print(
+            f"{self.name} written; begin a case file with: #:schema {self.name}", soft_wrap=True
+        )
+        return DONE
+
+    def _write(self, texts: Mapping[str, str]) -> None:
+        """Write texts into files that are not there yet.
+
+        Args:
+            texts: Texts by the names of their files.
+
+        Raises:
+            ArgumentError: If one of the files is there.
+        """
         from grosmc_mj.ground.files import atomic_write
 
-        texts = self._texts()
         for file in texts:
             if Path(file).exists():
                 raise ArgumentError(f"{file} is there already: take another name or remove it")
@@ -48,11 +89,6 @@ class NewCommand(Command):
         for file, text in texts.items():
             with atomic_write(Path(file)) as part:
                 part.write_text(text, encoding="utf-8")
-        files = " and ".join(texts)
-        screen.console().print(
-            f"{files} written; run: grosmc-mj run {self._case_name()}.toml", soft_wrap=True
-        )
-        return DONE
 
     def _case_name(self) -> str:
         """Return the name of the case.

@@ -192,6 +192,7 @@ class RequirementTable(_Limits):
         after: Instant from which on ``stays_within``, ``rms_below`` and ``always`` hold [s].
         above: Lower bound of ``signal``, which has ``from`` and ``to``, too.
         below: Upper bound of ``signal``.
+        from: Instant from which on the bounds of ``signal`` hold [s].
         to: Instant up to which the bounds of ``signal`` hold [s]; the end of a run by default.
     """
 
@@ -584,7 +585,14 @@ _LoopParts = create_model("_LoopParts", __base__=Table, **_fields_of_parts(LOOP_
 
 
 class KnownLoopTable(_LoopParts):
-    """``[known_loop]``: the loop that predicting laws take for theirs, if it is another one."""
+    """``[known_loop]``: the loop that predicting laws take for theirs, if it is another one.
+
+    Attributes:
+        computing: The computer between sensors and actuators.
+        sensor: Sensors of states.
+        estimator: Estimators of the states that are not measured.
+        actuator: Actuators of inputs.
+    """
 
 
 class CaseFile(_WithParts):

@@ -42,8 +42,9 @@ class Transmission(MachinePart):
     Attributes:
         joint: Name of the joint, which an input drives.
         inertia: Inertia of the motor, at the joint [kg m^2 or kg].
-        stiffness: [N m/rad or N/m]; infinite for teeth that do not give way, with a backlash.
-        damping: [N m s/rad or N s/m]; it acts within the backlash too.
+        stiffness: Stiffness [N m/rad or N/m]; infinite for teeth that do not give way, with a
+            backlash.
+        damping: Damping [N m s/rad or N s/m]; it acts within the backlash too.
         backlash: The whole play [rad or m].
         friction: Dry friction of the motor, at the joint [N m or N].
         restitution: Speed after a bounce of rigid teeth over that before it, from 0 to below 1.

@@ -71,8 +71,9 @@ class Motor(MachinePart):
     Attributes:
         input: Name of the input that it stands for.
         constant: Torque constant, equal to that of the back-EMF [N m/A].
-        resistance: [ohm].
-        inductance: [H]; behind a current loop it says how fast a supply can change the current.
+        resistance: Resistance of the winding [ohm].
+        inductance: Inductance of the winding [H]; behind a current loop it says how fast a supply
+            can change the current.
         ratio: Turns of the motor for one of its joint, or rad/m of a slide; negative for a motor
             that turns against its joint.
         efficiency: Share of the torque that arrives at the joint, of both the current and the

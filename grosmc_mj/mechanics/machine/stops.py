@@ -27,8 +27,8 @@ class Stop(MachinePart):
 
     Attributes:
         joint: Name of the joint.
-        low: [rad or m].
-        high: [rad or m].
+        low: Lower end [rad or m].
+        high: Upper end [rad or m].
         restitution: Speed after a bounce over that before it, from 0 to below 1.
         duration: Duration of a bounce [s]: the shorter, the harder.
     """

@@ -94,9 +94,9 @@ class BodyEdit(Edit):
 
     Attributes:
         body: Name of the body.
-        mass_scale: a.
-        length_scale: b.
-        mass: In the place of a times the nominal mass [kg].
+        mass_scale: Factor a on the body's mass and inertia.
+        length_scale: Factor b on all lengths of the body.
+        mass: Mass [kg], in the place of a times the nominal one; its inertia scales with it.
         inertia: Principal moments about its centre of mass [kg m^2], (3,); by default they scale.
     """
 
@@ -194,8 +194,8 @@ class AddedMass(Edit):
 
     Attributes:
         body: Name of the body.
-        mass: [kg].
-        position: In the body's own frame [m], (3,).
+        mass: Added mass [kg].
+        position: Place of the added mass in the body's own frame [m], (3,).
     """
 
     body: Name
@@ -254,9 +254,9 @@ class JointEdit(Edit):
 
     Attributes:
         joint: Name of the joint.
-        damping: [N m s/rad] or [N s/m].
-        friction: Dry friction [N m] or [N], see ``dry_friction``.
-        armature: Inertia of what drives it [kg m^2] or [kg].
+        damping: Damping [N m s/rad or N s/m].
+        friction: Dry friction [N m or N], see ``dry_friction``.
+        armature: Inertia of what drives it [kg m^2 or kg].
     """
 
     joint: Name

@@ -21,7 +21,7 @@ class Actuator:
 
     Attributes:
         of: Name of the input.
-        delay: [s]; a multiple of the timestep.
+        delay: Delay [s]; a multiple of the timestep.
         gain: Factor of the command; 1 of an actuator that is calibrated.
         resolution: Resolution of the command; 0 for none.
         limit: Largest |u|.

@@ -53,7 +53,7 @@ class StateUnit(OwnerUnit):
         return state.rate_unit if self.rate else state.unit
 
     def __str__(self) -> str:
-        return "unit of the state per second" if self.rate else "unit of the state"
+        return "the unit of the state per second" if self.rate else "the unit of the state"
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class InputUnit(OwnerUnit):
         return signal.rate_unit if self.rate else signal.unit
 
     def __str__(self) -> str:
-        return "unit of the input per second" if self.rate else "unit of the input"
+        return "the unit of the input per second" if self.rate else "the unit of the input"
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class FirstInputUnit(OwnerUnit):
         return system.input.unit
 
     def __str__(self) -> str:
-        return "unit of the first input"
+        return "the unit of the first input"
 
 
 @dataclass(frozen=True)
