@@ -26,7 +26,6 @@ _GRID = 169
 # Phases of a moving reference at each point of the grid, by the number of axes.
 _PHASES = {2: 16, 4: 8}
 # Grid and phases for families of plants, and phases of other numbers of axes.
-_COARSE_GRID = 25
 _COARSE_PHASES = 8
 # Every so many samples of a run are looked at.
 _EVERY = 5
@@ -191,44 +190,6 @@ def _operating_region(result: RunResult) -> tuple[float, ...]:
             f"task: region = {list(bound)} must have {len(spanned)} bounds, one for each error"
         )
     return bound
-
-
-def least_margin(
-    law: Controller,
-    true: AnalyticPlant,
-    bound: Sequence[float],
-    largest: Loads,
-) -> float:
-    """Configured less required switching rate on a true plant, the least of an operating region.
-
-    Under a reference that moves it is looked for on a coarser grid than the audit's, with all
-    corners of the region: a family has many plants.
-
-    Args:
-        law: A law with a switching rate.
-        true: The plant that it meets.
-        bound: Of the region, |z1|, |z2| ...
-        largest: Largest magnitude of each component of the disturbances, with a first axis of
-            length 1.
-    """
-    grid = _GRID
-    if _reference_moves(law):
-        grid = _COARSE_GRID
-    points = _region_balance(law, true, bound, largest, grid, _COARSE_PHASES)
-    return float(points.margin.min())
-
-
-def largest_rate(law: Controller, true: AnalyticPlant, bound: Sequence[float]) -> float:
-    """Return the largest switching rate of a law on a plant in an operating region.
-
-    Args:
-        law: A law with a switching rate.
-        true: The plant that it meets.
-        bound: Of the region, |z1|, |z2| ...
-    """
-    nothing = Loads.none(true.system, 1)
-    points = _region_balance(law, true, bound, nothing, _COARSE_GRID, _COARSE_PHASES)
-    return float(points.configured.max())
 
 
 def _reference_moves(law: Controller) -> bool:

@@ -37,7 +37,7 @@ from grosmc_mj.studies.sweep.search import largest_passing
 from grosmc_mj.theory.control.controller import Controller
 from grosmc_mj.theory.plants import Plant
 
-# How far a family is scaled at most, by searches and promises...
+# How far a family is scaled at most, by searches...
 LARGEST_SCALE = 8.0
 # ...and to which part of itself a smaller bound is known.
 _FINE = 1e-3

@@ -1,10 +1,10 @@
-"""Largest scale of an uncertainty without a failure, beside the scale that premises promise."""
+"""Largest scale of an uncertainty without a failure."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -23,11 +23,9 @@ from grosmc_mj.output.results.result import (
 from grosmc_mj.output.results.tables import Table, names, numbers, table, text
 from grosmc_mj.studies.campaign.campaign import Campaign
 from grosmc_mj.studies.campaign.manifest import result_of
-from grosmc_mj.studies.campaign.promise import Promise, promise
 from grosmc_mj.studies.campaign.screening import screened_search
 from grosmc_mj.studies.sweep.compass import TOGETHER, CompassSearch
 from grosmc_mj.studies.sweep.family import inside
-from grosmc_mj.studies.sweep.runs import Outcomes
 from grosmc_mj.studies.sweep.sampled import NO_PROOF
 from grosmc_mj.studies.sweep.search import largest_passing
 
@@ -40,8 +38,6 @@ PLANTS = 128
 _CORNERS = 64
 # Runs of one compass search at most.
 _MOST_RUNS = 1024
-# Margin that the plants of a scale must keep: of all requirements, or of |s| to its bound.
-Condition = Literal["order", "room"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +49,6 @@ class ScaleTrial:
         values: Their uncertain numbers, (n, d).
         relative: Least margins in parts of their limits, (n,).
         order: By which a worse plant is told from a better one, negative of a failure, (n,).
-        growth: |s| - |s(0)| over what the promise allows, (n,): inf if one did not complete, NaN
-            where nothing is promised.
         ids: Numbers of the runs whose random numbers they draw, (n,).
     """
 
@@ -62,13 +56,7 @@ class ScaleTrial:
     values: Array
     relative: Array
     order: Array
-    growth: Array
     ids: tuple[int, ...]
-
-    @property
-    def room(self) -> Array:
-        """Room of |s| below the bound of the promise, over the bound; negative beyond it, (n,)."""
-        return 1 - self.growth
 
     @property
     def failures(self) -> int:
@@ -90,22 +78,6 @@ class ScaleTrial:
         """Number of the run whose random numbers the worst plant draws."""
         return self.ids[int(self.order.argmin())]
 
-    @property
-    def leaving(self) -> int:
-        """Number of plants whose |s| leaves its bound."""
-        return int((self.growth > 1).sum())
-
-    @property
-    def surface(self) -> float | None:
-        """The largest growth of |s|; None where nothing is promised."""
-        largest = float(self.growth.max())
-        return None if np.isnan(largest) else largest
-
-    @property
-    def leaver(self) -> Array:
-        """The uncertain numbers of the plant whose |s| grows most, (d,)."""
-        return self.values[self.growth.argmax()]
-
     def with_more(self, other: ScaleTrial) -> ScaleTrial:
         """Return the trial with further plants of the same scale."""
         return ScaleTrial(
@@ -113,7 +85,6 @@ class ScaleTrial:
             np.concatenate([self.values, other.values]),
             np.concatenate([self.relative, other.relative]),
             np.concatenate([self.order, other.order]),
-            np.concatenate([self.growth, other.growth]),
             (*self.ids, *other.ids),
         )
 
@@ -127,14 +98,12 @@ class Radius:
         plants: Number of plants at each scale: samples and corners; besides there are those that
             compass searches found to fail.
         trials: In the order of their scale.
-        promised: Promise of the premises.
         largest: Scale beyond which none was tried, or at which plants stop being physical.
     """
 
     controller: str
     plants: int
     trials: tuple[ScaleTrial, ...]
-    promised: Promise
     largest: float
 
     @property
@@ -145,19 +114,9 @@ class Radius:
     @property
     def found(self) -> float:
         """The largest scale below that, at which no failure was found; 0 if there is none."""
-        return self._largest_below(self.outside)
-
-    @property
-    def left(self) -> ScaleTrial | None:
-        """The smallest scale at which |s| left the bound of the promise; None if it never did."""
-        return next((trial for trial in self.trials if trial.leaving), None)
-
-    @property
-    def stayed(self) -> float | None:
-        """The largest scale below that; None where nothing is promised."""
-        if self.promised.band is None:
-            return None
-        return self._largest_below(self.left)
+        end = self.outside
+        scales = [trial.scale for trial in self.trials if end is None or trial.scale < end.scale]
+        return max(scales, default=0.0)
 
     @property
     def sentence(self) -> str:
@@ -165,18 +124,7 @@ class Radius:
         line = f"{self.controller}: no failure found up to {self.found:.3g} times the uncertainty"
         if self.outside is not None:
             line += f", one found at {self.outside.scale:.3g}"
-        if self.promised.scale is not None:
-            line += f"; |s| is promised its bound up to {self.promised.scale:.3g}"
-        if self.stayed is not None:
-            line += f", found to keep it up to {self.stayed:.3g}"
-        if self.left is not None:
-            line += f", to leave it at {self.left.scale:.3g}"
         return line
-
-    def _largest_below(self, end: ScaleTrial | None) -> float:
-        """The largest scale below another one, or of all; 0 if there is none."""
-        scales = [trial.scale for trial in self.trials if end is None or trial.scale < end.scale]
-        return max(scales, default=0.0)
 
 
 class RadiusSearch:
@@ -195,7 +143,6 @@ class RadiusSearch:
         self,
         campaign: Campaign,
         controller: str,
-        band: float | None,
         advance: Callable[[int], object],
     ) -> None:
         """Begin without a run.
@@ -203,43 +150,32 @@ class RadiusSearch:
         Args:
             campaign: The campaign.
             controller: Name of the controller.
-            band: Amount by which |s| may exceed |s(0)|; None where nothing is promised.
             advance: Called with the number of runs done.
         """
         self.points, self.ids = _points(campaign)
         self._trials: dict[float, ScaleTrial] = {}
         self._campaign = campaign
         self._controller = controller
-        self._band = band
         self._advance = advance
 
-    def bisect(self, condition: Condition) -> None:
-        """Find the largest scale up to which every plant keeps a condition.
-
-        Args:
-            condition: ``order`` or ``room``, which is negative where it is not kept.
-        """
+    def bisect(self) -> None:
+        """Find the largest scale up to which every plant keeps all that is required."""
         largest = self._campaign.largest_scale
-        if not self._keeps(0.0, condition):
+        if not self._keeps(0.0):
             return
 
         while True:
             kept, _ = largest_passing(
-                lambda scale: self._keeps(scale, condition),
-                0.0,
-                min(1.0, largest),
-                largest,
-                _TOLERANCE,
-                _LEAST,
+                self._keeps, 0.0, min(1.0, largest), largest, _TOLERANCE, _LEAST
             )
             if kept == 0.0:
                 return
-            if not self._add_failing_nearby(kept, condition):
+            if not self._add_failing_nearby(kept):
                 return
 
-    def _keeps(self, scale: float, condition: Condition) -> bool:
-        """Whether every plant at a scale keeps a condition."""
-        return bool(np.all(getattr(self._at(scale), condition) >= 0))
+    def _keeps(self, scale: float) -> bool:
+        """Whether every plant at a scale keeps all that is required."""
+        return bool(np.all(self._at(scale).order >= 0))
 
     def _at(self, scale: float) -> ScaleTrial:
         """The trial of all plants at a scale; those of plants that are new are run."""
@@ -256,29 +192,20 @@ class RadiusSearch:
         """Run plants at points of the unit cube, (n, d), at a scale."""
         family = self._campaign.family
         values = family.scaled(family.values(inside(points)), scale)
-        runs = screened_search(self._campaign, self._controller, values, ids, self._margins)
+        runs = screened_search(self._campaign, self._controller, values, ids)
         self._advance(len(points))
-        growth = np.full(len(points), np.nan)
-        if self._band is not None:
-            growth = _growth(runs, self._band)
-        return ScaleTrial(scale, values, runs["relative"], runs["order"], growth, tuple(ids))
+        return ScaleTrial(scale, values, runs["relative"], runs["order"], tuple(ids))
 
-    def _margins(self, runs: Outcomes) -> Array:
-        """Margins in parts of their limits, and the room of |s| below its bound, (k, n)."""
-        if self._band is None:
-            return runs.shares
-        return np.vstack([runs.shares, 1 - _growth(runs, self._band)])
-
-    def _add_failing_nearby(self, scale: float, condition: Condition) -> bool:
+    def _add_failing_nearby(self, scale: float) -> bool:
         """Add the worst point near the worst plants of a scale, and tell whether it fails.
 
         All points have the random numbers of the worst plant.
         """
-        orders = getattr(self._at(scale), condition)
+        orders = self._at(scale).order
         worst = orders.argsort(kind="stable")[:TOGETHER]
         draw = self.ids[worst[0]]
         search = CompassSearch(
-            lambda points: getattr(self._run(points, [draw] * len(points), scale), condition),
+            lambda points: self._run(points, [draw] * len(points), scale).order,
             self._campaign.family.search_bounds,
         )
         starts = self.points[worst]
@@ -302,30 +229,20 @@ def radius(
     controller: str,
     advance: Callable[[int], object] = lambda _: None,
 ) -> Radius:
-    """Search the scales of the uncertainty at which a requirement fails and |s| leaves its bound.
+    """Search the scale of the uncertainty at which a requirement fails.
 
-    A promise is of |s| alone, so that it is compared with the second; requirements may be looser
-    or stricter. The plants are the campaign's first ones, where they are not too many all corners
-    of its ranges, and failing ones that a compass search finds.
+    The plants are the campaign's first ones, where they are not too many all corners of its ranges,
+    and failing ones that a compass search finds.
 
     Args:
         campaign: The campaign.
         controller: Name of the controller.
         advance: Called with the number of runs done.
     """
-    promised = promise(campaign, controller)
-    search = RadiusSearch(campaign, controller, promised.band, advance)
+    search = RadiusSearch(campaign, controller, advance)
     plants = len(search.points)
-    search.bisect("order")
-    if promised.band is not None:
-        search.bisect("room")
-    return Radius(controller, plants, search.trials(), promised, campaign.largest_scale)
-
-
-def _growth(runs: Outcomes, band: float) -> Array:
-    """Growth of |s| beyond |s(0)| over what it may, (n,); infinite of a run that ended early."""
-    growth = (runs["max_sliding"] - runs["sliding_start"]) / band
-    return np.where(np.isnan(growth), np.inf, growth)
+    search.bisect()
+    return Radius(controller, plants, search.trials(), campaign.largest_scale)
 
 
 def _points(campaign: Campaign) -> tuple[Array, list[int]]:
@@ -348,52 +265,30 @@ def _points(campaign: Campaign) -> tuple[Array, list[int]]:
 
 
 def radius_table(campaign: Campaign, searches: Sequence[Radius]) -> Table:
-    """Scales that each controller reaches, beside the scales that are promised."""
-    scales = (
-        "no failure\nfound up to",
-        "failure\nfound at",
-        "promised",
-        "|s| kept\nup to",
-        "|s| leaves\nat",
-    )
+    """Scales that each controller reaches."""
     largest = max(search.largest for search in searches)
-    notes = " ".join(_promise_note(search) for search in searches)
     return table(
         "How far the uncertainty may grow: 1 is as declared",
-        [*names("law"), *numbers(*scales), *text("the failing plant just outside")],
+        [
+            *names("law"),
+            *numbers("no failure\nfound up to", "failure\nfound at"),
+            *text("the failing plant just outside"),
+        ],
         [_table_row(campaign, search) for search in searches],
         legend=f"{searches[0].plants} plants at each scale, up to {largest:.3g}, and a compass "
-        "search for failing ones from the worst at the largest scale without a failure. Promised: "
-        "scale up to which the premises hold for every extreme plant, so that |s| does not grow "
-        "but for what one sample does. Compare it with where |s| leaves that bound: of the "
-        "requirements, which may be looser or stricter, premises say nothing. "
-        f"{notes} {NO_PROOF}",
+        "search for failing ones from the worst at the largest scale without a failure. "
+        f"{NO_PROOF}",
     )
 
 
 def _table_row(campaign: Campaign, search: Radius) -> tuple[str, ...]:
     """The row of one controller."""
-    fails_at = None
+    fails_at = "-"
     failing_plant = "none was found"
     if search.outside is not None:
-        fails_at = search.outside.scale
+        fails_at = f"{search.outside.scale:.3g}"
         failing_plant = campaign.words(search.outside.worst)
-    leaves_at = None
-    if search.left is not None:
-        leaves_at = search.left.scale
-
-    scales = (search.found, fails_at, search.promised.scale, search.stayed, leaves_at)
-    cells = ["-" if scale is None else f"{scale:.3g}" for scale in scales]
-    return (label_of(search.controller), *cells, failing_plant)
-
-
-def _promise_note(search: Radius) -> str:
-    """The sentence on the promise of one controller."""
-    promised = search.promised
-    note = f"{label_of(search.controller)}: {promised.note}"
-    if promised.band:
-        note += f"; there |s| - |s(0)| is at most {promised.band:.3g}"
-    return f"{note}."
+    return (label_of(search.controller), f"{search.found:.3g}", fails_at, failing_plant)
 
 
 def radius_result(campaign: Campaign, searches: Sequence[Radius]) -> Result:
@@ -423,7 +318,6 @@ def radius_result(campaign: Campaign, searches: Sequence[Radius]) -> Result:
 def _content(campaign: Campaign, search: Radius) -> dict[str, Any]:
     """The search of one controller as plain values."""
     outside = search.outside
-    left = search.left
     return {
         "found": search.found,
         "largest_looked_at": search.largest,
@@ -431,12 +325,6 @@ def _content(campaign: Campaign, search: Radius) -> dict[str, Any]:
         "outside": outside and campaign.named(outside.worst),
         "outside_run": outside and outside.worst_run,
         "outside_scale": outside and outside.scale,
-        "promised": search.promised.scale,
-        "promised_note": search.promised.note,
-        "surface_band": search.promised.band,
-        "surface_kept": search.stayed,
-        "surface_left_scale": left and left.scale,
-        "surface_left": left and campaign.named(left.leaver),
         "looks": [_trial_content(trial) for trial in search.trials],
     }
 
@@ -447,13 +335,11 @@ def _trial_content(trial: ScaleTrial) -> dict[str, Any]:
         "scale": trial.scale,
         "least": trial.least,
         "failures": trial.failures,
-        "surface": trial.surface,
-        "leaving": trial.leaving,
     }
 
 
 def chart(search: Radius) -> LineChart:
-    """Least margin over the scale of the uncertainty; marked are the radius and the promise."""
+    """Least margin over the scale of the uncertainty; the radius is marked."""
     trials = search.trials
     series = Series(
         name="least margin (hollow: a failure)",
@@ -461,16 +347,12 @@ def chart(search: Radius) -> LineChart:
         y=[finite(trial.least) for trial in trials],
         good=[trial.failures == 0 for trial in trials],
     )
-    scales = [search.found]
     name = f"{label_of(search.controller)}: no failure found up to {search.found:.3g}"
-    if search.promised.scale is not None:
-        scales.append(search.promised.scale)
-        name += f", promised {search.promised.scale:.3g}"
     return LineChart(
         name=name,
         titles=("scale of the uncertainty (1 as declared)", "least margin over its limit"),
         lines=[series],
         limit=0.0,
         # A scale of 0 is the axis.
-        marks=[scale for scale in scales if scale],
+        marks=[search.found] if search.found else [],
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple
@@ -140,7 +140,6 @@ def screened_search(
     controller: str,
     values: Array,
     ids: Sequence[int],
-    margins: Callable[[Outcomes], Array] = lambda runs: runs.shares,
 ) -> Outcomes:
     """Run plants that a search tries, on the equations where these may judge.
 
@@ -152,7 +151,6 @@ def screened_search(
         controller: Name of the controller.
         values: The uncertain numbers, (n, d).
         ids: Numbers of the runs, (n,), for what their loops draw.
-        margins: Returns all that is compared with a limit, in parts of it, (k, n).
     """
     screening = screening_of(campaign)
     batch = Batch(campaign, values, ids)
@@ -163,12 +161,12 @@ def screened_search(
     worst = np.zeros(len(values), bool)
     worst[by_equations["order"].argsort(kind="stable")[:_WORST_OF_SEARCH]] = True
     confirmation = MarginConfirmation(
-        margins(by_equations),
+        by_equations.shares,
         doubtful=~by_equations.completed,
         checked=worst,
         band=screening.bands[controller],
     )
-    return _confirmed(batch, controller, by_equations, confirmation, margins)
+    return _confirmed(batch, controller, by_equations, confirmation)
 
 
 def screened_all(
@@ -245,7 +243,6 @@ def _confirmed(
     controller: str,
     by_equations: Outcomes,
     confirmation: MarginConfirmation,
-    margins: Callable[[Outcomes], Array] = lambda runs: runs.shares,
 ) -> Outcomes:
     """Runs on the equations, in which those that MuJoCo confirms are replaced by its own."""
     outcome = by_equations
@@ -258,7 +255,7 @@ def _confirmed(
         by_physics = batch.run(controller, rows)
         outcome = outcome.with_rows(rows, by_physics)
         overturned = verdicts_overturned(by_equations.rows(rows), by_physics) > 0
-        confirmation.note_margins(rows, overturned, margins(by_physics))
+        confirmation.note_margins(rows, overturned, by_physics.shares)
 
 
 def drawn_by_chance(seed: int, ids: range) -> Mask:

@@ -19,7 +19,6 @@ from grosmc_mj.studies.campaign.findings import Findings, campaign_result, findi
 from grosmc_mj.studies.campaign.folder import Folder
 from grosmc_mj.studies.campaign.map import PassMap, map_axes, pass_map_chart
 from grosmc_mj.studies.campaign.paired import paired, paired_table
-from grosmc_mj.studies.campaign.promise import Promise
 from grosmc_mj.studies.campaign.radius import Radius, ScaleTrial, chart
 from grosmc_mj.studies.sweep.margin_summary import margin_summary, margins_table
 from grosmc_mj.studies.sweep.pass_rates import pass_rate, pass_rates_table
@@ -505,26 +504,26 @@ def test_a_map_is_over_the_two_numbers_that_drive_margins_most(servo_findings: F
 
 
 def trial(scale: float, margin: float) -> ScaleTrial:
-    """A trial that fails if the margin is negative; |s| leaves its bound beyond 2."""
+    """A trial that fails if the margin is negative."""
     margins = np.array([margin])
-    return ScaleTrial(scale, np.zeros((1, 1)), margins, margins, np.array([scale / 2]), (0,))
+    return ScaleTrial(scale, np.zeros((1, 1)), margins, margins, (0,))
 
 
 TRIALS = (trial(1, 0.5), trial(2, 0.1), trial(3, -0.2), trial(4, -INF))
 
 
-def test_a_radius_is_drawn_beside_the_promise() -> None:
-    radius = chart(Radius("grosmc", 16, TRIALS, Promise(1.5, "a note", 0.1), largest=8.0))
+def test_a_radius_is_drawn_where_the_first_failure_was_found() -> None:
+    radius = chart(Radius("grosmc", 16, TRIALS, largest=8.0))
     (line,) = radius.lines
     assert [*line.x] == [1, 2, 3, 4]
     # A run that did not complete has no margin.
     assert [*line.y] == [0.5, 0.1, -0.2, None]
     assert [*line.good] == [True, True, False, False]
-    assert radius.name == "GROSMC: no failure found up to 2, promised 1.5"
-    assert (radius.limit, [*radius.marks]) == (0.0, [2, 1.5])
+    assert radius.name == "GROSMC: no failure found up to 2"
+    assert (radius.limit, [*radius.marks]) == (0.0, [2])
 
 
 def test_a_radius_of_nothing_has_no_marks() -> None:
-    radius = chart(Radius("grosmc", 16, TRIALS[2:], Promise(None, "", 0.1), largest=8.0))
+    radius = chart(Radius("grosmc", 16, TRIALS[2:], largest=8.0))
     assert radius.name == "GROSMC: no failure found up to 0"
     assert [*radius.marks] == []

@@ -1,4 +1,4 @@
-"""The worst plant, the radius and the premises' promise, where the answer is known."""
+"""The worst plant and the radius, where the answer is known."""
 
 from functools import cache
 from pathlib import Path
@@ -11,11 +11,9 @@ from campaign_cases import (
     AMPLITUDE,
     BOTH,
     GROSMC,
-    LAWS,
     LQR,
     campaign,
     deviation_below,
-    load_amplitude,
     mass_scale,
     servo,
     uncertain,
@@ -29,8 +27,7 @@ from grosmc_mj.studies.campaign.batch import evaluate
 from grosmc_mj.studies.campaign.campaign import Campaign
 from grosmc_mj.studies.campaign.findings import findings
 from grosmc_mj.studies.campaign.plant_file import searched_plant
-from grosmc_mj.studies.campaign.promise import Promise, PromisedFamily, promise
-from grosmc_mj.studies.campaign.radius import Radius, ScaleTrial, _growth, radius
+from grosmc_mj.studies.campaign.radius import Radius, ScaleTrial, radius
 from grosmc_mj.studies.campaign.worst import WORST, WorstPlant, shrunk, worst, worst_result
 from grosmc_mj.studies.sweep.compass import CompassSearch
 from grosmc_mj.studies.sweep.family import random_points
@@ -349,10 +346,6 @@ def test_a_radius_is_refined_by_failing_plants_that_were_not_drawn() -> None:
     assert evaluate(declared, "lqr", drawn)["relative"].min() > 0 > refined.outside.least
 
 
-def test_a_law_without_a_promise_has_no_bound() -> None:
-    assert (reached().promised.band, reached().stayed, reached().left) == (None, None, None)
-
-
 def test_where_nothing_fails_the_radius_is_as_far_as_was_tried() -> None:
     safe = radius(loads(100.0), "lqr")
     assert (safe.outside, safe.found, safe.largest) == (None, 8.0, 8.0)
@@ -387,159 +380,21 @@ def grosmc_radius(limit: float) -> Any:
     return radius(loads(limit, laws=GROSMC), "grosmc")
 
 
-def test_the_bound_of_s_is_what_switching_does_in_a_sample() -> None:
-    p: Any = loads(3, laws=GROSMC).laws["grosmc"].parameters
-    # Of a linear plant rho is largest at the corner of the region, |z| of (1.2, 1.2).
-    rho = p.switching.gain * (p.eta + (p.gamma0 + p.gamma1 * np.hypot(1.2, 1.2)) * p.size_of_GB)
-    assert grosmc_radius(3).promised.band == pytest.approx(2 * 1e-3 * rho, rel=1e-12)
+def test_a_stricter_requirement_has_a_smaller_radius() -> None:
+    assert grosmc_radius(1000).outside is None
+    assert grosmc_radius(0.5).found < grosmc_radius(3).found
 
 
-def growth_of_s(scale: float) -> float:
-    """The largest growth of |s| at both ends of the load, which are the worst of the family."""
-    rows = evaluate(loads(3, laws=GROSMC), "grosmc", np.array([[-scale], [scale]]))
-    return (rows["max_sliding"] - rows["sliding_start"]).max()
-
-
-def test_s_leaves_its_bound_beyond_the_promise() -> None:
-    search = grosmc_radius(3)
-    assert search.promised.scale <= search.stayed
-
-
-def test_the_scale_at_which_s_leaves_its_bound_is_known_to_a_hundredth() -> None:
-    search = grosmc_radius(3)
-    stayed = search.stayed
-    # Known to 1 % of itself, or to 0.01.
-    assert 0 < search.left.scale - stayed <= max(0.01, 0.01 * stayed)
-
-
-def test_s_leaves_its_bound_between_two_scales() -> None:
-    search = grosmc_radius(3)
-    band = search.promised.band
-    assert growth_of_s(search.stayed) <= band < growth_of_s(search.left.scale)
-
-
-def test_the_share_of_the_bound_is_that_of_the_plant_that_leaves_it() -> None:
-    search = grosmc_radius(3)
-    left = search.left
-    (sliding,) = evaluate(loads(3, laws=GROSMC), "grosmc", left.leaver[None])["max_sliding"]
-    assert sliding / search.promised.band == pytest.approx(left.surface, rel=1e-12)
-
-
-def test_requirements_that_are_stricter_or_looser_are_another_failure() -> None:
-    strict = grosmc_radius(0.5)
-    loose = grosmc_radius(1000)
-    scale = grosmc_radius(3).left.scale
-    assert loose.outside is None
-    assert strict.outside.scale < scale
-    scales = [strict.left.scale, loose.left.scale]
-    assert scales == pytest.approx([scale] * 2, rel=0.02, abs=0.02)
-
-
-def trial(scale: float, failures: int, leaving: int) -> ScaleTrial:
+def trial(scale: float, failures: int) -> ScaleTrial:
     """A trial of one scale."""
     margins = np.where(np.arange(4) < failures, -1.0, 1.0)
-    growth = np.where(np.arange(4) < leaving, 1.5, 0.5)
-    return ScaleTrial(scale, np.zeros((4, 1)), margins, margins, growth, (0,) * 4)
+    return ScaleTrial(scale, np.zeros((4, 1)), margins, margins, (0,) * 4)
 
 
-# A requirement fails from the second scale on, and s leaves its bound at the third.
-TRIALS = (trial(0.0, 0, 0), trial(0.5, 1, 0), trial(1.0, 1, 2))
-RADIUS = Radius("grosmc", 8, TRIALS, Promise(0.4, "", 0.1), 8.0)
+# A requirement fails from the second scale on.
+TRIALS = (trial(0.0, 0), trial(0.5, 1), trial(1.0, 1))
 
 
 def test_the_radius_ends_at_the_first_failure_of_a_requirement() -> None:
-    assert (RADIUS.found, RADIUS.outside) == (0.0, TRIALS[1])
-
-
-def test_a_failure_of_a_requirement_is_none_of_the_surface() -> None:
-    assert (RADIUS.stayed, RADIUS.left) == (0.5, TRIALS[2])
-
-
-def test_growth_of_s_is_measured_from_its_start() -> None:
-    # A law whose surface is not zero at the start may keep that; a run may end early.
-    runs: Any = {"max_sliding": np.array([1.5, np.nan]), "sliding_start": np.array([1.0, 1.0])}
-    assert _growth(runs, 0.25).tolist() == [2.0, np.inf]
-
-
-DAMPING = uncertain('joint = "shaft"', "damping = [0, 1]")
-WITHOUT_END = mass_scale('{ distribution = "normal", mean = 2, deviation = 1, least = 1 }')
-
-
-@pytest.mark.parametrize(
-    ("table", "reason"),
-    [
-        (DAMPING, "have no damping, so shaft damping"),
-        (WITHOUT_END, "the uncertainty has no end"),
-    ],
-)
-def test_premises_say_why_they_promise_nothing(table: str, reason: str) -> None:
-    nothing = promise(campaign(small.case("servo", table, laws=LAWS)), "grosmc")
-    assert nothing.scale is None
-    assert reason in nothing.note
-
-
-def premises_of(tables: str) -> PromisedFamily:
-    """Premises of GROSMC over a family of servos, under the load and 0.1 N m of hum."""
-    return PromisedFamily.of(campaign(servo(tables)), "grosmc")
-
-
-@pytest.mark.parametrize("spread", ["[-3, 1]", "[1, 3]"])
-@pytest.mark.parametrize("scale", [0.0, 0.5, 1.0])
-def test_wrenches_on_a_body_add_up_at_their_largest_magnitudes(spread: str, scale: float) -> None:
-    premises = premises_of(load_amplitude(spread))
-    torque = pytest.approx(3 * scale + 0.1)
-    assert premises.amplitude(scale).tolist() == [0, 0, 0, 0, torque, 0]
-
-
-RIPPLE = """
-[[disturbance]]
-input = "current"
-amplitude = "-0.2 A"
-label = "load"
-"""
-
-
-def test_the_largest_disturbance_of_an_input_counts_beside_the_wrenches() -> None:
-    text = small.case("servo", load_amplitude("[-1, 3]"), laws=LAWS, disturbances=RIPPLE)
-    premises = PromisedFamily.of(campaign(text), "grosmc")
-    assert premises.input_amplitude(0.5).tolist() == pytest.approx([0.2 * 1.5])
-    assert premises.amplitude(0.5).tolist() == [0.0] * 6
-
-
-SQUALL = """
-[[disturbance]]
-body = "rotor"
-torque = ["0 N m", "2 N m", "0 N m"]
-label = "load"
-profile = "squall:squall"
-"""
-SQUALL_PYTHON = """
-def squall(t):
-    return -5.0 if t > 0.01 else 1.0
-"""
-
-
-def test_a_profile_of_one_s_own_may_exceed_1(tmp_path: Path) -> None:
-    (tmp_path / "squall.py").write_text(SQUALL_PYTHON)
-    text = small.case("servo", load_amplitude("[-1, 3]"), laws=LAWS, disturbances=SQUALL)
-    premises = PromisedFamily.of(campaign(text, folder=str(tmp_path)), "grosmc")
-    assert premises.amplitude(0.5)[4] == pytest.approx(0.5 * 3 * 2 * 5, rel=1e-15)
-
-
-START = uncertain('start = "rotor angle"', 'value = ["0 rad", "2 rad"]')
-
-
-def test_a_promise_ends_where_starts_leave_the_operating_region() -> None:
-    # The reference is 1 rad: z1 = q - 1 reaches the region's 1.2 rad at 1.1 of the uncertainty.
-    partial: Any = promise(campaign(servo(START)), "grosmc")
-    # By bisection to 1 %, from below.
-    assert 1.1 / 1.01 < partial.scale <= 1.1
-    assert partial.note.endswith("beyond it starts leave that region")
-
-
-def test_where_the_nominal_plant_alone_keeps_the_premises_nothing_is_promised(
-    monkeypatch: Patch,
-) -> None:
-    monkeypatch.setattr(PromisedFamily, "holds", lambda _self, scale: scale == 0.0)
-    scale, _ = premises_of(AMPLITUDE).reach()
-    assert scale == 0.0
+    found = Radius("grosmc", 8, TRIALS, 8.0)
+    assert (found.found, found.outside) == (0.0, TRIALS[1])

@@ -21,7 +21,6 @@ from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.output.results.result import Value
 from grosmc_mj.studies.campaign.findings import SampledRuns
-from grosmc_mj.studies.campaign.promise import Promise
 from grosmc_mj.studies.campaign.radius import Radius, ScaleTrial, radius_result
 from grosmc_mj.studies.comparison.campaigns import CampaignRows, campaign_changes, campaign_rows
 from grosmc_mj.studies.comparison.changes import Change, Effect
@@ -582,8 +581,8 @@ def test_searches_of_two_campaigns_in_one_folder_are_told_apart() -> None:
     names = set()
     for name in ("light", "heavy"):
         declared = campaign(pair(), name=name)
-        trials = (ScaleTrial(0.5, np.ones((1, 2)), np.ones(1), np.ones(1), np.ones(1), (0,)),)
-        radius = Radius("lqr", 8, trials, Promise(None, "", None), 1.0)
+        trials = (ScaleTrial(0.5, np.ones((1, 2)), np.ones(1), np.ones(1), (0,)),)
+        radius = Radius("lqr", 8, trials, 1.0)
         document = radius_result(declared, [radius])
         names |= {value.name for value in document.values}
     assert names == {
