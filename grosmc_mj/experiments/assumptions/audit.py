@@ -25,7 +25,7 @@ from grosmc_mj.theory.plants import AnalyticPlant
 _GRID = 169
 # Phases of a moving reference at each point of the grid, by the number of axes.
 _PHASES = {2: 16, 4: 8}
-# Grid and phases for families of plants, and phases of other numbers of axes.
+# The same for other numbers of axes.
 _COARSE_PHASES = 8
 # Every so many samples of a run are looked at.
 _EVERY = 5
