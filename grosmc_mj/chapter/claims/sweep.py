@@ -12,6 +12,7 @@ from typing import Any
 from grosmc_mj.chapter.claims.claim import Choice, Claim
 from grosmc_mj.chapter.claims.judging import measure_with
 from grosmc_mj.experiments.run_cache import RunCache
+from grosmc_mj.studies.sweep.search import Halved, Search, run_searches
 
 # Written by `claims sweep --record`.
 STORED = Path(__file__).resolve().parents[1] / "sweeps.json"
@@ -78,15 +79,27 @@ def _flips(
             yield f"between {choice.written(low)} and {choice.written(high)}"
             continue
 
-        for _ in range(_HALVINGS):
-            middle = (low + high) / 2
-            _, holds = _at(lab, claim, choice, middle)
-            if holds is before:
-                low = middle
-            else:
-                high = middle
-        flip = f"{(low + high) / 2:.3g}"
+        flip = f"{_flip_between(lab, claim, choice, low, high, before):.3g}"
         yield f"at {choice.written(float(flip))}"
+
+
+def _flip_between(
+    lab: RunCache, claim: Claim, choice: Choice, low: float, high: float, before: bool
+) -> float:
+    """Return where the answer between two numbers is no longer that of the first one."""
+
+    def at(share: float) -> float:
+        return low + share * (high - low)
+
+    def as_before(tried: Sequence[tuple[Search, float]]) -> list[bool]:
+        return [_at(lab, claim, choice, at(share))[1] is before for _, share in tried]
+
+    search = Search(Halved(0.0, 2.0**-_HALVINGS), 1.0)
+    search.known |= {0.0: True, 1.0: False}
+    run_searches([search], as_before)
+    assert search.largest is not None
+    assert search.failed is not None
+    return at((search.largest + search.failed) / 2)
 
 
 # The tables of all claims ask for it.

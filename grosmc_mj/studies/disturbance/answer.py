@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -64,13 +63,13 @@ def words_of(study: DisturbanceStudy, worst: WorstDisturbance) -> str:
         beside = f"{ratio:.2g} times {study.disturbance.compared}"
     switches = "1 switch" if worst.switches == 1 else f"{worst.switches} switches"
     line = (
-        f"{worst.law}: {calm}{worst.share:.3g} of {worst.requirement}, {beside}; {switches}; "
+        f"{worst.law}: {calm}{worst.share:.3g} of {worst.words}, {beside}; {switches}; "
         f"{worst.runs} runs; telegraph {worst.telegraph_share:.3g} ({worst.runs})"
     )
     if worst.change > AGREES:
         line += f"; {worst.pieces} pieces may be too few"
-    if worst.largest:
-        line += f"; all is kept {_largest_words(worst.largest, study.disturbance.unit)}"
+    if worst.largest_kept is not None:
+        line += f"; all is kept {_largest_words(worst, study.disturbance.unit)}"
     return line
 
 
@@ -83,10 +82,11 @@ def _calm_words(worst: WorstDisturbance) -> str:
     return ""
 
 
-def _largest_words(largest: tuple[float, float], unit: str) -> str:
+def _largest_words(worst: WorstDisturbance, unit: str) -> str:
     """The range of the largest bound: both of its ends."""
-    kept, failed = largest
-    if math.isinf(failed):
+    kept = worst.largest_kept
+    failed = worst.smallest_failed
+    if failed is None:
         return f"up to {kept:.3g} {unit} at least, where the search ends"
     if kept == 0:
         return f"at no bound that was tried, down to {failed:.3g} {unit}"
@@ -130,7 +130,7 @@ def answer_table(study: DisturbanceStudy, rows: Sequence[WorstDisturbance]) -> T
             _share_text(worst.telegraph_share),
             "telegraph" if worst.telegraph_won else "search",
             _share_text(worst.confirmed),
-            _largest_text(worst.largest),
+            _largest_text(worst),
         ]
         texts.append(row)
     title = f"Worst disturbance within {disturbance.bound:g} {disturbance.unit}"
@@ -138,14 +138,13 @@ def answer_table(study: DisturbanceStudy, rows: Sequence[WorstDisturbance]) -> T
     return table(title, columns, texts, legend=legend)
 
 
-def _largest_text(largest: tuple[float, float] | None) -> str:
+def _largest_text(worst: WorstDisturbance) -> str:
     """Write the range of the largest bound."""
-    if largest is None:
+    if worst.largest_kept is None:
         return "-"
-    kept, failed = largest
-    if math.isinf(failed):
-        return f"≥{kept:.3g}"
-    return f"{kept:.3g} to {failed:.3g}"
+    if worst.smallest_failed is None:
+        return f"≥{worst.largest_kept:.3g}"
+    return f"{worst.largest_kept:.3g} to {worst.smallest_failed:.3g}"
 
 
 def _share_text(share: float | None) -> str:
@@ -166,7 +165,7 @@ def charts(study: DisturbanceStudy, worst: WorstDisturbance) -> list[LineChart]:
     disturbance = study.disturbance
     cases = _cases(study, worst)
     rows = [Row(worst.law, case=case) for case in cases.values()]
-    (limit, *_) = [item for item in study.limits(worst.law) if item.words == worst.requirement]
+    (limit, *_) = [item for item in study.limits(worst.law) if item.name == worst.tightest]
 
     signals: list[Series] = []
     courses: list[Series] = []
@@ -193,7 +192,7 @@ def charts(study: DisturbanceStudy, worst: WorstDisturbance) -> list[LineChart]:
     return [
         LineChart(name=f"{worst.law}: disturbance", titles=(seconds, place), lines=signals),
         LineChart(
-            name=f"{worst.law}: {worst.requirement}",
+            name=f"{worst.law}: {worst.words}",
             titles=(seconds, quantity),
             lines=courses,
             limit=level,
@@ -245,7 +244,7 @@ def disturbance_result(
     values = []
     panels: list[LineChart] = []
     for worst in rows:
-        breaks_at = "" if worst.kept else "worst disturbance"
+        breaks_at = "" if worst.kept else worst.step
         standings.append(
             StudyVerdict(
                 case=target,
@@ -274,7 +273,7 @@ def disturbance_result(
         standings=standings,
         sheets=[ReportTable(table=answer_table(study, rows), charts=panels, brief=True)],
         values=values,
-        found=[worst.model_dump() for worst in rows],
+        verdicts=[worst.model_dump() for worst in rows],
     )
 
 
@@ -329,7 +328,7 @@ def case_text(study: DisturbanceStudy, worst: WorstDisturbance) -> str:
     if disturbance.replaced is not None:
         tables.pop(disturbance.replaced_index)
     tables.append(_disturbance_table(disturbance, case.disturbances[-1]))
-    share = f"{worst.share!r} of {worst.requirement}"
+    share = f"{worst.share!r} of {worst.words}"
     return f"# {title} under {worst.law}: {share}.\n{tomli_w.dumps(content)}"
 
 

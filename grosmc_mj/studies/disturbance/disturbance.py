@@ -21,7 +21,7 @@ from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.output.results.result import finite
 from grosmc_mj.studies.disturbance.bounded import BoundedDisturbance, bounded_disturbance
-from grosmc_mj.studies.disturbance.row import BETTER, ENDED, WorstDisturbance
+from grosmc_mj.studies.disturbance.row import BETTER, ENDED, STEP, WorstDisturbance
 from grosmc_mj.studies.disturbance.signal_search import EnoughError, SignalSearch
 from grosmc_mj.studies.study import Advance, CellRunner, Study, StudyCell, dependencies
 from grosmc_mj.studies.sweep.runs import Row, recorded_runs, run_rows
@@ -148,8 +148,9 @@ class DisturbanceStudy(Study[WorstDisturbance]):
         """Return a row with the largest bound."""
         if not worst.kept_when_calm:
             return worst
-        largest = self.largest(worst.law, advance)
-        return worst.model_copy(update={"largest": largest})
+        kept, failed = self.largest(worst.law, advance)
+        bounds = {"largest_kept": kept, "smallest_failed": finite(failed)}
+        return worst.model_copy(update=bounds)
 
     # -- runs --------------------------------------------------------------------------------------
 
@@ -232,35 +233,31 @@ class DisturbanceStudy(Study[WorstDisturbance]):
         control = self.search(law, self.disturbance, pieces, advance=advance)
         control.telegraphs(runs, np.random.default_rng(0))
         best = control if control.share > search.share * BETTER else search
-        return WorstDisturbance(
-            law=law,
-            bound=self.disturbance.bound,
-            signal=best.best.tolist(),
+        return self._row(
+            law,
+            best.best,
+            best.share,
             pieces=pieces,
             calm_share=float(calm_share),
-            share=best.share,
             search_share=search.share,
             telegraph_share=control.share,
             runs=runs,
             change=change,
-            **self._beside(law, best.best),
         )
 
     def _without_search(self, law: str, share: float) -> WorstDisturbance:
         """Return the row of a law whose run ends early without any disturbance."""
         nothing = np.zeros(self.pieces + len(self.disturbance.starts))
-        return WorstDisturbance(
-            law=law,
-            bound=self.disturbance.bound,
-            signal=nothing.tolist(),
+        return self._row(
+            law,
+            nothing,
+            share,
             pieces=self.pieces,
             calm_share=share,
-            share=share,
             search_share=share,
             telegraph_share=share,
             runs=1,
             change=0.0,
-            **self._beside(law, nothing),
         )
 
     def _searched(
@@ -284,23 +281,43 @@ class DisturbanceStudy(Study[WorstDisturbance]):
         shorter = self.disturbance.hold(2 * pieces) < self.disturbance.hold(pieces)
         return shorter and 2 * pieces <= _MOST_PIECES
 
-    def _beside(self, law: str, signal: Array) -> dict[str, Any]:
-        """Return what a signal is compared with, MuJoCo's share, and the nearest requirement."""
+    def _row(self, law: str, signal: Array, share: float, **found: Any) -> WorstDisturbance:
+        """Return the row of a signal: what it is compared with, and the nearest requirement.
+
+        Args:
+            law: Name of the law.
+            signal: The signal.
+            share: Its share.
+            found: Further fields of the row.
+        """
         case = self.disturbance.case_of(signal)
-        (compared_share,) = self.shares(law, [self.disturbance.compared_case])
+        limits = self.limits(law)
+        rows = [Row(law, case=case), Row(law, case=self.disturbance.compared_case)]
+        outcomes = run_rows(self.experiment, rows, limits, self.plant, threads=self.threads)
+        verdict = outcomes.verdict(0)
+
         confirmed = None
         truest = self.experiment.nominal.truest
         if truest != self.plant:
             confirmed = float(self.shares(law, [case], truest)[0])
-
-        limits = self.limits(law)
-        outcomes = run_rows(self.experiment, [Row(law, case=case)], limits, self.plant)
-        nearest = int(np.argmin([share[0] for share in outcomes.shares]))
-        return {
-            "compared_share": float(compared_share),
-            "confirmed": confirmed,
-            "requirement": limits[nearest].words,
-        }
+        words = {limit.name: limit.words for limit in limits}
+        nearest = verdict.tightest or limits[0].name
+        return WorstDisturbance(
+            law=law,
+            step=STEP,
+            condition=UNDER_LOAD,
+            share=share,
+            tightest=nearest,
+            ended=verdict.ended,
+            shares=verdict.shares,
+            kept_draws=int(share <= 1),
+            words=words[nearest],
+            bound=self.disturbance.bound,
+            signal=signal.tolist(),
+            compared_share=1 - float(outcomes["order"][1]),
+            confirmed=confirmed,
+            **found,
+        )
 
     def largest(self, law: str, advance: Advance) -> tuple[float, float]:
         """Return the largest bound up to which all was kept, and the smallest at which not.

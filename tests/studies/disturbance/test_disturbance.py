@@ -213,7 +213,7 @@ def test_the_case_file_replays_what_was_found(tmp_path, capsys: Screen) -> None:
     document = json.loads((tmp_path / "disturbance_held.json").read_text())
     assert document["kind"] == "disturbance"
     assert document["complete"]
-    for found in document["found"]:
+    for found in document["verdicts"]:
         case = Experiment.load(tmp_path / f"disturbance_held_{found['law']}.toml")
         assert len(case.disturbances) == 1
         (limit,) = case.limits
@@ -222,7 +222,7 @@ def test_the_case_file_replays_what_was_found(tmp_path, capsys: Screen) -> None:
             for plant in ("corrected", "physics")
         }
         assert shares == {"corrected": found["share"], "physics": found["confirmed"]}
-    by_law = {found["law"]: found["share"] for found in document["found"]}
+    by_law = {found["law"]: found["share"] for found in document["verdicts"]}
     assert by_law["grosmc"] < 1 < by_law["lqr"]
 
 
@@ -335,7 +335,7 @@ def test_a_law_that_is_not_a_number_from_the_start_fails_without_any_disturbance
     assert run("study", "disturbance", path, *options) == 1
     assert "law: the run ends early without any disturbance" in capsys.readouterr().out
     document = json.loads((tmp_path / "disturbance_unruly.json").read_text())
-    assert document["found"][0]["runs"] == 1
+    assert document["verdicts"][0]["runs"] == 1
 
 
 def test_what_fails_without_any_disturbance_is_said_first(tmp_path, capsys: Screen) -> None:
@@ -387,8 +387,8 @@ def test_both_ends_of_the_largest_bound_are_told(tmp_path, capsys: Screen) -> No
     command = ("study", "disturbance", linear(tmp_path), "--on", "u", "--bound", "1 A")
     run(*command, "--pieces", "10", "--largest", "--out", tmp_path)
     screen = capsys.readouterr().out.replace("\n", " ")
-    (found,) = json.loads((tmp_path / "disturbance_linear.json").read_text())["found"]
-    kept, failed = found["largest"]
+    (found,) = json.loads((tmp_path / "disturbance_linear.json").read_text())["verdicts"]
+    kept, failed = found["largest_kept"], found["smallest_failed"]
     assert kept < failed <= 1.05 * kept
     assert f"all is kept up to {kept:.3g} and not at {failed:.3g} A" in screen
 
