@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from typing import Any
 
 import pytest
 
@@ -15,6 +16,8 @@ from grosmc_mj.output.results.verdicts import (
     first_failed,
     over_draws,
     share_of,
+    standings,
+    values_of,
     verdict_of,
 )
 
@@ -80,6 +83,11 @@ def test_a_verdict_on_a_run_is_its_share_of_the_tightest_limit(
     assert (row.cell, row.words) == (text, words)
 
 
+def test_a_verdict_says_what_the_optimum_itself_needs() -> None:
+    row = described(verdict_of({"settles_within": 3.0}), "the nominal optimum needs 1.84 s")
+    assert row.words == "settles within: 3 times (the nominal optimum needs 1.84 s)"
+
+
 def test_a_verdict_on_draws_says_how_many_keep_all() -> None:
     row = described(verdict_of({"settles_within": 3.0}).changed(draws=10, kept_draws=7))
     assert row.cell == "7 of 10"
@@ -96,6 +104,44 @@ def test_the_first_row_that_fails_is_found() -> None:
     rows = [verdict_of({"a": share}) for share in (0.5, 2.0, 0.5, 3.0)]
     assert first_failed(rows) is rows[1]
     assert first_failed(rows[:1]) is None
+
+
+def test_values_of_two_conditions_have_names_of_their_own() -> None:
+    rows = [
+        verdict_of({"error": 0.5}).changed(law="lqr", step="sensors", group="up to", condition=name)
+        for name in ("case1", "case2")
+    ]
+    names = [value.name for value in values_of("servo/machine", rows)]
+    assert len(set(names)) == 4
+    assert names[:2] == [
+        "servo/machine case1 lqr, up to sensors",
+        "servo/machine case1 lqr, up to sensors: share of the limit",
+    ]
+
+
+def test_a_search_is_compared_by_its_largest_size_and_what_cannot_be_by_nothing() -> None:
+    fields: Any = {"law": "lqr", "step": "delay", "condition": "nominal"}
+    found = Verdict(**fields, share=0.5, largest_kept=2.0, smallest_failed=2.1)
+    never = Verdict(**fields, smallest_failed=0.0)
+    impossible = Verdict(**fields, impossible="there is no loop")
+    values = list(values_of("servo", [found, never, impossible]))
+    assert [value.value for value in values] == ["kept", 2.0, "not kept", None]
+    assert {value.name for value in values} == {
+        "servo nominal lqr, delay",
+        "servo nominal lqr, delay: largest kept",
+    }
+
+
+def test_one_failure_decides_the_standing_of_a_law_in_an_interrupted_study() -> None:
+    rows = [
+        verdict_of({"error": share}).changed(law=law, step=step)
+        for law, step, share in [("a", "one", 0.5), ("a", "two", 2.0), ("b", "one", 0.5)]
+    ]
+    failing, keeping = standings(
+        "servo", rows, first_failed, lambda of_law: f"{len(of_law)} rows", complete=False
+    )
+    assert (failing.law, failing.breaks_at, failing.words) == ("a", "two", "2 rows")
+    assert (failing.complete, keeping.complete, keeping.breaks_at) == (True, False, "")
 
 
 def test_a_verdict_is_read_from_its_document() -> None:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, computed_field
 
+from grosmc_mj.output.results.result import StudyVerdict, Value, finite
 from grosmc_mj.output.results.tables import number
 
 # Stands for the requirement that breaks first of a run that ended early.
@@ -77,6 +78,16 @@ class Verdict(BaseModel):
     def kept(self) -> bool:
         """Whether all requirements are kept in all draws."""
         return self.share <= 1 and not self.impossible
+
+    @property
+    def searched(self) -> bool:
+        """Whether it is the verdict of a search."""
+        return self.largest_kept is not None or self.smallest_failed is not None
+
+    @property
+    def of_runs(self) -> bool:
+        """Whether its share is that of a run."""
+        return bool(self.shares) or not self.searched
 
     @property
     def partly(self) -> bool:
@@ -228,3 +239,55 @@ def by_law(rows: Iterable[Verdict]) -> dict[str, list[Verdict]]:
     for row in rows:
         laws.setdefault(row.law, []).append(row)
     return laws
+
+
+def standings(
+    case: str,
+    rows: Iterable[Verdict],
+    failed: Callable[[Sequence[Verdict]], Verdict | None],
+    words: Callable[[Sequence[Verdict]], str],
+    *,
+    complete: bool,
+) -> Iterator[StudyVerdict]:
+    """Yield the standing of each law: the step at which it fails first, if it does.
+
+    Args:
+        case: Name of the case.
+        rows: The verdicts.
+        failed: Returns the row of a law at which it fails first; None if it keeps all.
+        words: Returns words on the rows of a law.
+        complete: False if an interrupted study may still find a failure.
+    """
+    for law, of_law in by_law(rows).items():
+        row = failed(of_law)
+        yield StudyVerdict(
+            case=case,
+            law=law,
+            breaks_at="" if row is None else row.step,
+            words=words(of_law),
+            # One failure decides, whatever else is found.
+            complete=complete or row is not None,
+        )
+
+
+def values_of(case: str, rows: Iterable[Verdict]) -> Iterator[Value]:
+    """Yield the values by which two results are compared.
+
+    They are the verdict, the share of the limit of runs, and the largest size of a search.
+
+    Args:
+        case: Name of the case.
+        rows: The verdicts; those on what cannot be run have no values.
+    """
+    for row in rows:
+        if row.impossible:
+            continue
+        step = f"{row.group} {row.step}".strip()
+        name = f"{case} {row.condition} {row.law}, {step}"
+        yield Value(name=name, value="kept" if row.kept else "not kept")
+        if row.of_runs:
+            share = finite(row.share)
+            yield Value(name=f"{name}: share of the limit", value=share, better=-1, relative=0.1)
+        if row.searched:
+            largest = row.largest_kept
+            yield Value(name=f"{name}: largest kept", value=largest, better=1, relative=0.1)

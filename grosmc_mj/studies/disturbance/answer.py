@@ -28,12 +28,10 @@ from grosmc_mj.output.results.result import (
     ReportTable,
     Result,
     Series,
-    StudyVerdict,
-    Value,
-    finite,
     result,
 )
 from grosmc_mj.output.results.tables import Table, names, numbers, table, words
+from grosmc_mj.output.results.verdicts import first_failed, standings, values_of
 from grosmc_mj.simulation.disturbances import AnyDisturbance
 from grosmc_mj.studies.disturbance.bounded import BoundedDisturbance
 from grosmc_mj.studies.disturbance.disturbance import AGREES, DisturbanceStudy, watched
@@ -240,29 +238,13 @@ def disturbance_result(
 ) -> Result:
     """Return the result of a search; ``complete`` if it has every law."""
     target = study.experiment.target
-    standings = []
-    values = []
-    panels: list[LineChart] = []
-    for worst in rows:
-        breaks_at = "" if worst.kept else worst.step
-        standings.append(
-            StudyVerdict(
-                case=target,
-                law=worst.law,
-                breaks_at=breaks_at,
-                words=words_of(study, worst),
-                complete=complete,
-            )
-        )
-        name = f"{target} {worst.law} {study.disturbance.place} worst share"
-        values.append(Value(name=name, value=finite(worst.share), better=-1, relative=0.1))
-        panels += charts(study, worst)
-
+    lines = {worst.law: words_of(study, worst) for worst in rows}
+    panels = [chart for worst in rows for chart in charts(study, worst)]
     answer = Answer(
         question=f"Worst disturbance of {target}",
         verdict=_verdict(rows, complete=complete),
         words=verdict(study, rows),
-        notes=[words_of(study, worst) for worst in rows],
+        notes=list(lines.values()),
     )
     return result(
         "disturbance",
@@ -270,9 +252,11 @@ def disturbance_result(
         seed=0,
         complete=complete,
         answers=[answer],
-        standings=standings,
+        standings=standings(
+            target, rows, first_failed, lambda of_law: lines[of_law[0].law], complete=complete
+        ),
         sheets=[ReportTable(table=answer_table(study, rows), charts=panels, brief=True)],
-        values=values,
+        values=values_of(target, rows),
         verdicts=[worst.model_dump() for worst in rows],
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
 from grosmc_mj.experiments.file.schema import ClaimTable
@@ -16,13 +17,10 @@ from grosmc_mj.output.results.result import (
     CellChart,
     ReportTable,
     Result,
-    StudyVerdict,
-    Value,
-    finite,
     result,
 )
 from grosmc_mj.output.results.tables import Table, names, number, numbers, table, text, words
-from grosmc_mj.output.results.verdicts import Verdict, first_failed
+from grosmc_mj.output.results.verdicts import Verdict, first_failed, standings, values_of
 from grosmc_mj.studies.ladder.climb import ALONE, UP_TO, climbs, fallen
 from grosmc_mj.studies.ladder.ladder import Ladder
 from grosmc_mj.studies.matrix import (
@@ -281,38 +279,17 @@ def sheets(studied: Ladder, rows: Sequence[Verdict]) -> list[ReportTable]:
     return parts
 
 
-def _standings(
-    studied: Ladder, rows: Sequence[Verdict], *, complete: bool
-) -> Iterator[StudyVerdict]:
-    """Yield the first rung on which each law breaks, under the first condition."""
-    condition = studied.conditions[0].name
-    for law, rungs in climbs(rows, condition).items():
-        failed = first_failed(rungs)
-        breaks_at = ""
-        answer = "stands on every rung"
-        if any(row.turned_by for row in rungs):
-            answer += ", but an assumed number turns it"
-        if failed is not None:
-            breaks_at = failed.step
-            answer = f"{failed.words} ({condition})"
-        elif not complete:
-            answer += " so far"
-        yield StudyVerdict(
-            case=studied.target,
-            law=law,
-            breaks_at=breaks_at,
-            words=answer,
-            complete=complete or failed is not None,
-        )
-
-
-def _values(target: str, rows: Sequence[Verdict]) -> Iterator[Value]:
-    for row in rows:
-        if not row.impossible:
-            name = f"{target} {row.condition} {row.law}, {row.group} {row.step}"
-            yield Value(name=name, value="kept" if row.kept else "not kept")
-            used = finite(row.share)
-            yield Value(name=f"{name}: share of the limit", value=used, better=-1, relative=0.1)
+def _standing_words(rungs: Sequence[Verdict], *, complete: bool) -> str:
+    """Words on the climb of a law."""
+    failed = first_failed(rungs)
+    if failed is not None:
+        return f"{failed.words} ({failed.condition})"
+    answer = "stands on every rung"
+    if any(row.turned_by for row in rungs):
+        answer += ", but an assumed number turns it"
+    if not complete:
+        answer += " so far"
+    return answer
 
 
 def ladder_result(studied: Ladder, rows: Sequence[Verdict], *, complete: bool) -> Result:
@@ -324,16 +301,25 @@ def ladder_result(studied: Ladder, rows: Sequence[Verdict], *, complete: bool) -
         complete: Whether nothing was interrupted.
     """
     case = studied.machine
+    # Under the first condition, which is the file's own.
+    first = climbs(rows, studied.conditions[0].name)
+    climbed = [row for rungs in first.values() for row in rungs]
     return result(
         "ladder",
         studied.configuration(),
         seed=case.loop.seed if case.loop else None,
         complete=complete,
         answers=_answers(studied, rows, complete=complete),
-        standings=_standings(studied, rows, complete=complete),
+        standings=standings(
+            studied.target,
+            climbed,
+            first_failed,
+            partial(_standing_words, complete=complete),
+            complete=complete,
+        ),
         sheets=sheets(studied, rows),
         remarks=filter(None, [assumed_text(studied)]),
-        values=_values(studied.target, rows),
+        values=values_of(studied.target, rows),
         target=studied.target,
         title=case.title,
         units=studied.units,

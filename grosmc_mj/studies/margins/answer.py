@@ -19,11 +19,13 @@ from grosmc_mj.output.results.result import (
     result,
 )
 from grosmc_mj.output.results.tables import Table, names, number, numbers, phrases, table, words
+from grosmc_mj.output.results.verdicts import Verdict, standings, values_of
 from grosmc_mj.studies.margins.changes import DELAY, GAIN_DOWN, GAIN_UP, milliseconds
 from grosmc_mj.studies.margins.chatter import Chatter
 from grosmc_mj.studies.margins.figure import charts
 from grosmc_mj.studies.margins.margins import MarginStudy, Setup
 from grosmc_mj.studies.margins.row import LEVELS, SEED, LawMargins, shared_level, together
+from grosmc_mj.studies.margins.task import AS_IS
 
 LEGEND = (
     "gain down, gain up, delay: the largest change with which all draws keep the task, and the "
@@ -295,7 +297,7 @@ def margins_result(studied: MarginStudy, rows: Sequence[LawMargins], *, complete
         seed=SEED,
         complete=complete,
         answers=[answer],
-        standings=[_standing(row, complete=complete) for row in rows],
+        standings=_standings(rows, complete=complete),
         sheets=sheets(studied, rows),
         remarks=[LEGEND],
         values=_values(rows),
@@ -304,25 +306,38 @@ def margins_result(studied: MarginStudy, rows: Sequence[LawMargins], *, complete
     )
 
 
-def _standing(row: LawMargins, *, complete: bool) -> StudyVerdict:
-    """The conditions under which a law breaks without any change."""
-    reasons = [f"{refused.condition}: {refused.words}" for refused in row.refused]
-    return StudyVerdict(
-        case=row.setup,
-        law=row.law,
-        breaks_at=", ".join(refused.condition for refused in row.refused),
-        words="; ".join(reasons),
-        complete=complete,
-    )
+def _refused(rows: Sequence[Verdict]) -> list[Verdict]:
+    """The verdicts on a task that is not kept without any change."""
+    return [row for row in rows if row.step == AS_IS]
+
+
+def _failed(rows: Sequence[Verdict]) -> Verdict | None:
+    """The conditions under which a law fails without any change; None if it keeps them all."""
+    refused = _refused(rows)
+    if not refused:
+        return None
+    return refused[0].changed(step=", ".join(row.condition for row in refused))
+
+
+def _standing_words(rows: Sequence[Verdict]) -> str:
+    """What breaks under these conditions."""
+    return "; ".join(f"{row.condition}: {row.words}" for row in _refused(rows))
+
+
+def _standings(rows: Sequence[LawMargins], *, complete: bool) -> Iterator[StudyVerdict]:
+    """Yield the standing of each law in each setup."""
+    for row in rows:
+        # A law that cannot be run breaks nowhere.
+        task = row.task or [Verdict(law=row.law, impossible=row.impossible)]
+        yield from standings(row.setup, task, _failed, _standing_words, complete=complete)
 
 
 def _values(rows: Sequence[LawMargins]) -> Iterator[Value]:
     """Margins that two results are compared by."""
     for row in rows:
-        name = f"{row.setup.replace(',', '')} {row.law}"
-        for change in row.changes:
-            of_task = f"{name} {change.condition}: {change.step}"
-            yield Value(name=of_task, value=change.largest_kept, better=1, relative=0.1)
+        setup = row.setup.replace(",", "")
+        yield from values_of(setup, row.task)
+        name = f"{setup} {row.law}"
         for level in row.levels:
             if not level.doubt:
                 disk = finite(level.margins.disk)

@@ -287,8 +287,7 @@ def _task_margins(
     task: list[Verdict] = []
     for condition in setup.conditions:
         advance(f"{condition.name}: task")
-        rows = task_margins(trials, law, condition)
-        task += [row.changed(group=setup.name) for row in rows]
+        task += task_margins(trials, law, condition)
     return task
 
 

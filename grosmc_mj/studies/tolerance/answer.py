@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from grosmc_mj.output.charts.chart import in_lines
@@ -14,12 +15,10 @@ from grosmc_mj.output.results.result import (
     CellChart,
     ReportTable,
     Result,
-    StudyVerdict,
-    Value,
     result,
 )
 from grosmc_mj.output.results.tables import Table, number
-from grosmc_mj.output.results.verdicts import Verdict, by_law
+from grosmc_mj.output.results.verdicts import Verdict, standings, values_of
 from grosmc_mj.studies.matrix import (
     charts_by_condition,
     conditions_document,
@@ -155,39 +154,39 @@ def charts(studied: ToleranceStudy, rows: Sequence[Verdict]) -> dict[str, CellCh
     return charts_by_condition(studied.conditions, rows, headings, climbing=False)
 
 
-def _standings(
-    target: str, rows: Sequence[Verdict], kinds: Kinds, *, complete: bool
-) -> Iterator[StudyVerdict]:
-    """Yield the smallest tolerance of each law."""
-    for law, of_law in by_law(rows).items():
-        kept = [row for row in of_law if row.largest_kept is not None]
-        failed = [row for row in kept if row.smallest_failed is not None]
-        breaks_at = ""
-        answer = "stands all that was tried"
+@dataclass(frozen=True)
+class _Standing:
+    """Smallest tolerance of a law, for its standing.
+
+    Attributes:
+        kinds: The imperfections, by name.
+    """
+
+    kinds: Kinds
+
+    def failed(self, rows: Sequence[Verdict]) -> Verdict | None:
+        """Return the smallest tolerance of a law; None if it stands all that was tried."""
+        kept = [row for row in rows if row.largest_kept is not None]
         if not kept:
-            breaks_at = "ideal loop"
-            answer = "not kept even in an ideal loop"
-        elif failed:
-            least = min(failed, key=lambda row: row.largest_kept or 0.0)
-            kind = kinds[least.step]
-            breaks_at = "all of them" if kind.name == ALL else kind.name
-            amount = "only without it"
-            if least.largest_kept and not only_without(least, kind):
-                amount = f"up to {amount_text(kind, least.largest_kept)}"
-            answer = f"kept {amount}, then {reason(least)} ({least.condition})"
-        yield StudyVerdict(
-            case=target, law=law, breaks_at=breaks_at, words=answer, complete=complete
-        )
+            return rows[0].changed(step="ideal loop")
+        failed = [row for row in kept if row.smallest_failed is not None]
+        least = min(failed, key=lambda row: row.largest_kept or 0.0, default=None)
+        if least is not None and least.step == ALL:
+            return least.changed(step="all of them")
+        return least
 
-
-def _values(target: str, rows: Sequence[Verdict]) -> Iterator[Value]:
-    for row in rows:
-        if not row.impossible:
-            name = f"{target} {row.condition} {row.law}, {row.step}"
-            ideally = "not kept" if row.largest_kept is None else "kept"
-            yield Value(name=f"{name}: ideally", value=ideally)
-            largest = row.largest_kept or 0.0
-            yield Value(name=f"{name}: largest kept", value=largest, better=1, relative=0.1)
+    def words(self, rows: Sequence[Verdict]) -> str:
+        """Return words on the smallest tolerance of a law."""
+        least = self.failed(rows)
+        if least is None:
+            return "stands all that was tried"
+        if least.largest_kept is None:
+            return "not kept even in an ideal loop"
+        kind = self.kinds[ALL if least.step == "all of them" else least.step]
+        amount = "only without it"
+        if least.largest_kept and not only_without(least, kind):
+            amount = f"up to {amount_text(kind, least.largest_kept)}"
+        return f"kept {amount}, then {reason(least)} ({least.condition})"
 
 
 def tolerance_result(studied: ToleranceStudy, rows: Sequence[Verdict], *, complete: bool) -> Result:
@@ -200,6 +199,7 @@ def tolerance_result(studied: ToleranceStudy, rows: Sequence[Verdict], *, comple
     """
     target = studied.target
     kinds = studied.kinds
+    standing = _Standing(kinds)
     checked, differing = confirmed(rows)
     sheet = ReportTable(
         table=least_table(rows, kinds, f"{target}: tolerances"),
@@ -215,10 +215,10 @@ def tolerance_result(studied: ToleranceStudy, rows: Sequence[Verdict], *, comple
         seed=studied.bench.seed,
         complete=complete,
         answers=[_document_answer(target, rows, kinds, complete=complete)],
-        standings=_standings(target, rows, kinds, complete=complete),
+        standings=standings(target, rows, standing.failed, standing.words, complete=complete),
         sheets=[sheet],
         remarks=remarks,
-        values=_values(target, rows),
+        values=values_of(target, rows),
         target=target,
         conditions=conditions_document(studied.conditions),
         imperfections=[_imperfection_document(kind) for kind in studied.imperfections],

@@ -759,13 +759,6 @@ def test_rows_under_case1_and_case2_are_kept_apart(other: dict[str, Any], tmp_pa
     assert stored.read(cell_of(second)) == second
 
 
-def test_values_under_case1_and_case2_have_names_of_their_own() -> None:
-    rows = [row("sensors", 0.5, condition=condition) for condition in ("case1", "case2")]
-    names = [value.name for value in answer._values("servo/machine", rows)]
-    assert len(set(names)) == 4
-    assert names[0] == "servo/machine case1 lqr, up to sensors"
-
-
 def depends_on(studied: study.Ladder) -> dict[str | bool, str]:
     """Return all that the rows of a ladder depend on, by condition."""
     return {cell.key[2]: cell.depends_on for cell in studied.cells()}
