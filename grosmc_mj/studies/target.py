@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from grosmc_mj.experiments.catalogue import find_experiments
 from grosmc_mj.experiments.experiment import Experiment
@@ -56,7 +57,7 @@ class StudiedLaw:
     controller: Controller
     predict: bool = False
     base: str = ""
-    sampled: Mapping[str, str] = field(default_factory=dict)
+    sampled: Mapping[str, Any] = field(default_factory=dict)
     rival: bool = False
 
     def designed_for(self, plant: PlantName, experiment: Experiment) -> StudiedLaw:
@@ -252,7 +253,7 @@ def _switched(experiment: Experiment, base: str, names: set[str]) -> list[Studie
 
     laws = []
     for predict, switching, surface in variants:
-        sampled = {"switching": switching, "surface": surface}
+        sampled: dict[str, Any] = {"switching": switching, "surface": surface}
         try:
             law = experiment.changed(**sampled).law(experiment.nominal.truest, base)
         except GrosmcError:

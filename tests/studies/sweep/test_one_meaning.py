@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from grosmc_mj.studies.tolerance.trials import Trial, Trials
 
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.requirements.judging import Judgement
@@ -13,6 +12,7 @@ from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.studies.campaign.batch import evaluate
 from grosmc_mj.studies.campaign.campaign import Campaign
 from grosmc_mj.studies.tolerance.tolerance import tolerance_study
+from grosmc_mj.studies.trials import Trial, Trials
 
 # A push moves the rotor from where it shall be; without `band` there is no error to be a share of.
 AT_REST = """
@@ -80,7 +80,6 @@ def test_a_settling_time_of_a_study_is_that_of_a_run(file: str, judgement: Judge
     studied = tolerance_study(file, ["lqr"])
     (law,) = studied.laws
     loaded = studied.conditions[1]
-    trials = Trials(law, "physics", {loaded: studied.limits(law, loaded)}, studied.bench, 1)
-    (trial,) = trials.results([(Trial(loaded, studied.bench), 0)])
-    # A trial's margin is a share of the two seconds.
-    assert 2.0 * trial.margin == pytest.approx(judgement.margin, rel=1e-12)
+    trials = Trials("physics", studied.limits, built=studied.bench)
+    (verdict,) = trials.results([(Trial(law, loaded, studied.bench), 0)])
+    assert verdict.share == pytest.approx(judgement.share, rel=1e-12)
