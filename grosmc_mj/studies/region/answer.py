@@ -37,7 +37,7 @@ def region_table(region: RegionStudy, maps: Sequence[RegionMap]) -> Table:
     for law_map in sorted(maps, key=lambda law_map: law_map.converged):
         counts = [str(law_map.counts[outcome]) for outcome in failures]
         converged = f"{law_map.converged:.1f}"
-        rows.append([law_map.case.name, law_map.controller, converged, *counts])
+        rows.append([law_map.case, law_map.controller, converged, *counts])
 
     headers = ["\n".join(outcome.title.rsplit(" ", 1)) for outcome in failures]
     columns = [*words("plant", "law"), *numbers("converged\n%", *headers)]
@@ -64,20 +64,20 @@ def _remarks(region: RegionStudy, maps: Sequence[RegionMap]) -> Iterator[str]:
 
     drawn = [law_map.over_draws for law_map in maps if law_map.over_draws is not None]
     if drawn:
-        over_draws = sum(int(confirmation.confirmed.sum()) for confirmation in drawn)
+        over_draws = sum(starts.confirmed for starts in drawn)
         yield (
             f"{over_draws:,} starts judged over {region.draws} draws of noise, timing and "
             "encoders' phases, all beside another outcome among them; all draws must converge."
         )
 
-    screened = [law_map.confirmation for law_map in maps if law_map.confirmation is not None]
+    screened = [law_map.by_equations for law_map in maps if law_map.by_equations is not None]
     if not screened:
         return
-    starts = sum(law_map.grid.size for law_map in maps)
+    starts = sum(law_map.size for law_map in maps)
     confirmed = sum(law_map.confirmed for law_map in maps)
     overturned = sum(law_map.overturned for law_map in maps)
-    at_random = sum(int(confirmation.drawn.sum()) for confirmation in screened)
-    wrong = sum(int((item.drawn & item.overturned).sum()) for item in screened)
+    at_random = sum(checked.drawn for checked in screened)
+    wrong = sum(checked.wrong for checked in screened)
     yield (
         f"{starts - confirmed:,} of {starts:,} starts judged by the equations, {confirmed:,} in "
         f"MuJoCo, all beside another outcome among them; it overturned {overturned}, and "
@@ -94,14 +94,14 @@ def charts(region: RegionStudy, maps: Sequence[RegionMap]) -> list[list[GridChar
 
     rows: dict[str, list[GridChart]] = {}
     for law_map in maps:
-        law = f"{label_of(law_map.controller)}, {law_map.case.name}"
+        law = f"{label_of(law_map.controller)}, {law_map.case}"
         chart = GridChart(
             name=f"{law}: {law_map.converged:.1f} % converge",
             axes=(across, up),
             grid=law_map.rows,
             legend=legend,
         )
-        rows.setdefault(law_map.case.name, []).append(chart)
+        rows.setdefault(law_map.case, []).append(chart)
     return list(rows.values())
 
 
@@ -178,7 +178,7 @@ def _answer(region: RegionStudy, maps: Sequence[RegionMap], *, complete: bool) -
     shares = []
     for law, maps_of_law in by_law.items():
         least = min(maps_of_law, key=lambda law_map: law_map.converged)
-        share = f"{number(least.converged)} % of the starts in {least.case.name}"
+        share = f"{number(least.converged)} % of the starts in {least.case}"
         if least.converged == 100:
             share = "every start"
         shares.append(f"{law} converges from {share}")
@@ -188,7 +188,7 @@ def _answer(region: RegionStudy, maps: Sequence[RegionMap], *, complete: bool) -
     if not complete:
         verdict = OPEN
         words += ", so far"
-    plants = dict.fromkeys(law_map.case.name for law_map in maps)
+    plants = dict.fromkeys(law_map.case for law_map in maps)
     return Answer(
         question=f"Region of {region.system.name}",
         verdict=verdict,
@@ -199,7 +199,7 @@ def _answer(region: RegionStudy, maps: Sequence[RegionMap], *, complete: bool) -
 
 def _values(system: System, maps: Sequence[RegionMap]) -> Iterator[Value]:
     for law_map in maps:
-        name = f"{system.name}/{law_map.case.name} {law_map.controller}"
+        name = f"{system.name}/{law_map.case} {law_map.controller}"
         yield Value(
             name=f"{name}: starts that converge",
             value=law_map.converged,
@@ -211,12 +211,12 @@ def _values(system: System, maps: Sequence[RegionMap]) -> Iterator[Value]:
 
 def _map_document(law_map: RegionMap) -> dict[str, Any]:
     return {
-        "case": law_map.case.name,
+        "case": law_map.case,
         "controller": law_map.controller,
         "counts": {outcome.title: count for outcome, count in law_map.counts.items()},
         "judged_in_mujoco": law_map.confirmed,
         "overturned": law_map.overturned,
-        "wrong_at_most": law_map.confirmation and law_map.confirmation.wrong_at_most,
-        "judged_over_draws": law_map.over_draws and int(law_map.over_draws.confirmed.sum()),
+        "wrong_at_most": law_map.by_equations and law_map.by_equations.wrong_at_most,
+        "judged_over_draws": law_map.over_draws and law_map.over_draws.confirmed,
         "grid": law_map.rows,
     }

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import Annotated
 
 import numpy as np
+from pydantic import BaseModel
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from grosmc_mj.experiments.catalogue import find_experiments
@@ -19,8 +21,16 @@ from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.ground.fields import Positive, Range, checked
 from grosmc_mj.studies.region.axes import Axis, choose_axes, starts_on
 from grosmc_mj.studies.region.runs import Letters, Outcome, RegionLoop, outcomes
+from grosmc_mj.studies.study import Advance, Study, StudyCell, dependencies
 from grosmc_mj.studies.sweep.agreement import model_mismatch
-from grosmc_mj.studies.sweep.confirmation import Confirmation, Mask, Rows, drawn_at_random
+from grosmc_mj.studies.sweep.confirmation import (
+    Confirmation,
+    Mask,
+    Rows,
+    drawn_at_random,
+    wrong_at_most,
+)
+from grosmc_mj.studies.target import Condition
 from grosmc_mj.theory.plants import System
 
 # Starts in one batch: bounds memory and the wait between two advances of the progress bar.
@@ -69,57 +79,84 @@ def beside_another(letters: Letters) -> Mask:
     return largest != smallest
 
 
-@dataclass(frozen=True, eq=False)
-class RegionMap:
+class CheckedStarts(BaseModel):
+    """Starts of a map whose first outcome was confirmed.
+
+    Attributes:
+        confirmed: Number of them.
+        overturned: Number of those with another outcome.
+        drawn: Number of those that were drawn at random.
+        wrong: Number of those drawn at random that have another outcome.
+    """
+
+    confirmed: int
+    overturned: int
+    drawn: int
+    wrong: int
+
+    @classmethod
+    def of(cls, confirmation: Confirmation) -> CheckedStarts:
+        """Return the counts of a confirmation."""
+        return cls(
+            confirmed=int(confirmation.confirmed.sum()),
+            overturned=int(confirmation.overturned.sum()),
+            drawn=int(confirmation.drawn.sum()),
+            wrong=int((confirmation.drawn & confirmation.overturned).sum()),
+        )
+
+    @property
+    def wrong_at_most(self) -> float:
+        """One-sided bound on the share of wrong outcomes among starts that are not in doubt."""
+        return wrong_at_most(self.drawn, self.wrong)
+
+
+class RegionMap(BaseModel):
     """The outcome of every start under one law on one plant.
 
     Attributes:
-        case: The case of the plant.
+        case: Name of the case of the plant.
         controller: Name of the law.
-        grid: Letters of ``Outcome``, (second axis, first axis).
-        confirmation: Which of them MuJoCo confirmed; None if it judged all.
-        over_draws: Which of them were judged over draws; None where nothing is drawn.
+        rows: Letters of ``Outcome`` along the first axis, a string for each value of the second
+            axis, from the lowest.
+        by_equations: Starts that MuJoCo confirmed; None if it judged all.
+        over_draws: Starts that were judged over draws; None where nothing is drawn.
     """
 
-    case: Experiment
+    case: str
     controller: str
-    grid: Letters
-    confirmation: Confirmation | None = None
-    over_draws: Confirmation | None = None
+    rows: list[str]
+    by_equations: CheckedStarts | None = None
+    over_draws: CheckedStarts | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of starts."""
+        return sum(map(len, self.rows))
 
     @property
     def confirmed(self) -> int:
         """Number of starts that MuJoCo judged."""
-        if self.confirmation is None:
-            return self.grid.size
-        return int(self.confirmation.confirmed.sum())
+        return self.size if self.by_equations is None else self.by_equations.confirmed
 
     @property
     def overturned(self) -> int:
         """Number of those for which the equations gave another outcome."""
-        if self.confirmation is None:
-            return 0
-        return int(self.confirmation.overturned.sum())
+        return 0 if self.by_equations is None else self.by_equations.overturned
 
     @property
     def counts(self) -> dict[Outcome, int]:
         """Number of starts with each outcome."""
-        letters = Counter(self.grid.ravel().tolist())
+        letters = Counter("".join(self.rows))
         return {outcome: letters[outcome.letter] for outcome in Outcome}
 
     @property
     def converged(self) -> float:
         """Share of the starts that converges [%]."""
-        return 100 * self.counts[Outcome.CONVERGED] / self.grid.size
-
-    @property
-    def rows(self) -> list[str]:
-        """One string for each value of the second axis, from the lowest."""
-        return ["".join(row) for row in self.grid.tolist()]
+        return 100 * self.counts[Outcome.CONVERGED] / self.size
 
 
 @checked(eq=False)
-class RegionStudy:
+class RegionStudy(Study[RegionMap]):
     """The maps of one system: every law, on the nominal and on the perturbed plant.
 
     Attributes:
@@ -135,6 +172,10 @@ class RegionStudy:
         ModelError: If the system is unknown.
         ArgumentError: If a name or a number does not fit, or a start lies beyond a stop.
     """
+
+    kind = "region"
+    row = RegionMap
+    unit = "maps"
 
     target: str
     points: Annotated[int, Range(2, 1000, whole=True)] = 100
@@ -196,28 +237,50 @@ class RegionStudy:
         return choose_axes(self.loops[0], self.axes, self.limits)
 
     @property
-    def batches(self) -> int:
-        """Number of batches of all maps, for a progress bar."""
-        return len(self.loops) * math.ceil(len(self.starts) / BATCH)
+    def case(self) -> Experiment:
+        """The experiment with the perturbed plant."""
+        return self.experiments[1]
 
-    def maps(self, advance: Callable[[str], object] = lambda _: None) -> Iterator[RegionMap]:
-        """Compute the maps, one by one; ``advance`` is called after each batch."""
+    def cells(self) -> list[StudyCell[RegionMap]]:
+        """Return a cell for each map: every law on the nominal plant first."""
+        conditions = [Condition(case.name, case.title, case) for case in self.experiments]
+        starts = hashlib.sha256(self.starts.tobytes()).hexdigest()
+        depends_on = dependencies([starts, self.duration, self.draws, self.why_not], conditions)
+        cells = []
         for loop in self.loops:
-            case = loop.experiment
-            law = loop.controller.name
-            screened = not self.why_not[case.name]
-            plant = loop.plant.analytic() if screened else loop.plant
-            advance_batch = partial(advance, f"{case.name}/{law}")
-            letters = self._outcomes(replace(loop, plant=plant), self.starts, advance_batch)
-            grid = letters.reshape(self.points, -1)
-            confirmation = None
-            if screened:
-                grid, confirmation = confirmed_map(grid, partial(self._confirm, loop))
-            over_draws = None
-            if self.draws > 1 and case.loop is not None and case.loop.drawn:
-                judge_draws = partial(self._over_draws, replace(loop, plant=plant), grid)
-                grid, over_draws = confirmed_map(grid, judge_draws)
-            yield RegionMap(case, law, grid, confirmation, over_draws)
+            key = (loop.experiment.name, loop.controller.name)
+            cell = StudyCell("/".join(key), key, depends_on, partial(self.law_map, loop))
+            cells.append(cell)
+        return cells
+
+    def law_map(self, loop: RegionLoop, advance: Advance) -> RegionMap:
+        """Compute a map.
+
+        Args:
+            loop: A law on a plant.
+            advance: Called after each batch with words on the progress.
+        """
+        case = loop.experiment
+        screened = not self.why_not[case.name]
+        plant = loop.plant.analytic() if screened else loop.plant
+        letters = self._outcomes(replace(loop, plant=plant), self.starts, advance)
+        grid = letters.reshape(self.points, -1)
+        by_equations = None
+        if screened:
+            grid, confirmation = confirmed_map(grid, partial(self._confirm, loop))
+            by_equations = CheckedStarts.of(confirmation)
+        over_draws = None
+        if self.draws > 1 and case.loop is not None and case.loop.drawn:
+            judge_draws = partial(self._over_draws, replace(loop, plant=plant), grid)
+            grid, confirmation = confirmed_map(grid, judge_draws)
+            over_draws = CheckedStarts.of(confirmation)
+        return RegionMap(
+            case=case.name,
+            controller=loop.controller.name,
+            rows=["".join(row) for row in grid.tolist()],
+            by_equations=by_equations,
+            over_draws=over_draws,
+        )
 
     def _confirm(self, loop: RegionLoop, chosen: Rows) -> Letters:
         """The outcomes in MuJoCo of some starts of a map."""
@@ -243,14 +306,15 @@ class RegionStudy:
         self,
         loop: RegionLoop,
         starts: Array,
-        advance: Callable[[], object] = lambda: None,
+        advance: Advance = lambda _: None,
     ) -> Letters:
         """The outcome of each start, a batch at a time."""
+        name = f"{loop.experiment.name}/{loop.controller.name}"
         parts = []
         for first in range(0, len(starts), BATCH):
             batch = starts[first : first + BATCH]
             parts.append(outcomes(loop, batch, self.duration))
-            advance()
+            advance(f"{name}: {first + len(batch)} of {len(starts)} starts")
         return np.concatenate(parts)
 
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
-from grosmc_mj.cli.answering import AnsweringCommand, Question
-from grosmc_mj.cli.command import Out, Target, WholeNumber, command
+from grosmc_mj.cli.command import Target, WholeNumber, command
+from grosmc_mj.cli.commands.study.study_command import StudyCommand
 from grosmc_mj.ground.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @command
-class RegionCommand(AnsweringCommand):
+class RegionCommand(StudyCommand["RegionStudy", "RegionMap"]):
     """Map from which starts each law of a SYSTEM converges, in MuJoCo.
 
     Each map has N x N starts of two states, by default the error of the controlled position and
@@ -38,7 +38,8 @@ class RegionCommand(AnsweringCommand):
     Where the loop draws something, starts beside another outcome and 2 % of the others run over
     --draws; all do if one of these differs.
 
-    Writes region_SYSTEM.json, .png and .svg to --out; after Ctrl-C the maps that are finished.
+    Writes region_SYSTEM.json, .png and .svg to --out, after Ctrl-C or SIGTERM what there is of
+    them, and each finished map to the folder region_SYSTEM.
 
     Exit code: 0 if done, 1 if a law converges from no start, 2 if the command or the set-up is
     wrong.
@@ -53,7 +54,6 @@ class RegionCommand(AnsweringCommand):
         duration: Time that a start is given to converge, in s.
         draws: Runs of a start in a loop with an encoder, noise, jitter or missed samples: each has
             random numbers of its own and other phases of the encoders, and all must converge.
-        out: Folder for region_SYSTEM.json and the figure.
     """
 
     target: Target
@@ -73,14 +73,9 @@ class RegionCommand(AnsweringCommand):
     ] = ()
     duration: Annotated[float, Parameter(metavar="S")] = 12.0
     draws: WholeNumber = 10
-    out: Out = Path("renders")
 
-    def questions(self) -> Sequence[Question]:
-        """Return the one question of the maps."""
-        return [_RegionQuestion(self._region(), self.out)]
-
-    def _region(self) -> RegionStudy:
-        """Return the study that the options describe.
+    def study(self) -> RegionStudy:
+        """Return the maps that the options describe.
 
         Raises:
             ArgumentError: If axes or limits are no pair, or another option does not fit.
@@ -100,40 +95,30 @@ class RegionCommand(AnsweringCommand):
             **pairs,
         )
 
+    def name_of(self, study: RegionStudy) -> str:
+        """Return the name of the system."""
+        return study.system.name
 
-class _RegionQuestion(Question):
-    """From which starts each law converges."""
-
-    def __init__(self, region: RegionStudy, out: Path) -> None:
-        self.path = out / f"region_{region.system.name}.json"
-        self._region = region
-        self._maps: list[RegionMap] = []
-
-    def measure(self) -> None:
-        """Compute the maps."""
-        for case, reason in self._region.why_not.items():
+    def measure(self, study: RegionStudy, rows: list[RegionMap], folder: Path) -> None:
+        """Compute the maps; say which are not made on the equations."""
+        for case, reason in study.why_not.items():
             if reason:
                 screen.notice(f"{case}: not screened by equations: {reason}.")
-        with screen.progress(self._region.batches, "batches") as advance:
-            # One by one: an interrupt leaves the first ones.
-            self._maps.extend(self._region.maps(advance))
+        super().measure(study, rows, folder)
 
-    def result(self, *, complete: bool) -> Result | None:
-        """Return the result of the finished maps."""
+    def result(self, study: RegionStudy, rows: Sequence[RegionMap], *, complete: bool) -> Result:
+        """Return the result of the maps."""
         from grosmc_mj.studies.region.answer import region_result
 
-        if not self._maps:
-            return None
-        return region_result(self._region, self._maps, complete=complete)
+        return region_result(study, rows, complete=complete)
 
-    def draw(self) -> Sequence[Path]:
+    def draw(self, study: RegionStudy, rows: Sequence[RegionMap], path: Path) -> Sequence[Path]:
         """Draw the maps."""
         from grosmc_mj.studies.region.answer import write_region_figure
 
-        return (write_region_figure(self._region, self._maps, self.path.with_suffix(".png")),)
+        return (write_region_figure(study, rows, path.with_suffix(".png")),)
 
-    @property
-    def kept(self) -> bool:
+    def keeps(self, study: RegionStudy, rows: Sequence[RegionMap]) -> bool:
         """Whether each law converges from some start."""
-        converging = {law_map.controller for law_map in self._maps if law_map.converged > 0}
-        return all(law_map.controller in converging for law_map in self._maps)
+        converging = {law_map.controller for law_map in rows if law_map.converged > 0}
+        return all(law_map.controller in converging for law_map in rows)

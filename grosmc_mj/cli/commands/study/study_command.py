@@ -44,6 +44,10 @@ class StudyCommand(AnsweringCommand, Generic[AnyStudy, AnyRow]):
         """
         raise NotImplementedError
 
+    def name_of(self, study: AnyStudy) -> str:
+        """Return the name of the result, after the kind of the study."""
+        return result_name(study.case.path)
+
     def result(self, study: AnyStudy, rows: Sequence[AnyRow], *, complete: bool) -> Result:
         """Return the result of finished rows; ``complete`` if nothing was interrupted."""
         raise NotImplementedError
@@ -85,7 +89,7 @@ class _StudyQuestion(Question):
     """Question of a study: its rows, one of each cell."""
 
     def __init__(self, command: StudyCommand[AnyStudy, AnyRow], study: AnyStudy) -> None:
-        self.path = command.out / f"{study.kind}_{result_name(study.case.path)}.json"
+        self.path = command.out / f"{study.kind}_{command.name_of(study)}.json"
         self._command = command
         self._study = study
         self._rows: list[Any] = []
