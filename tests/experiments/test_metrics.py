@@ -312,6 +312,17 @@ def test_a_limit_is_of_its_own_metric(kind, metric, factor, kept) -> None:
     assert judgement.margin == allowed - value
 
 
+def test_an_optimum_settles_as_a_run_along_it_does() -> None:
+    """Through one accumulation, to the bit, with any band."""
+    result = result_of(bumped(slice(3000, 3010), 0.5))
+    optimum = result_of(RUN)
+    assert result.settled(result.comparison.optimal) == optimum.metrics["settling_time"].value
+    assert result.settled(result.comparison.optimal, 0.1) == optimum.settled(
+        optimum.comparison.z, 0.1
+    )
+    assert (result.settled(result.comparison.z) or 0.0) >= 3.01 - H
+
+
 def test_a_cost_ratio_is_that_of_the_costs() -> None:
     result = result_of(bumped(100, 0.25))
     whole = result.metrics["cost_whole"].value
