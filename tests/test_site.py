@@ -14,6 +14,7 @@ from types import ModuleType
 from urllib.parse import unquote, urlsplit
 
 import doors
+import law_numbers
 import pytest
 import repository
 
@@ -201,6 +202,10 @@ def test_every_place_on_the_map_and_in_the_architecture_exists(place: str, name:
 def test_drawing_and_table_of_the_doors_are_those_of_the_code() -> None:
     assert doors.DRAWING.read_text(encoding="utf-8") == doors.drawing()
     assert "\n".join(doors.table()) in ARCHITECTURE
+
+
+def test_table_of_the_laws_numbers_is_that_of_their_classes() -> None:
+    assert law_numbers.table() in law_numbers.PAGE.read_text(encoding="utf-8")
 
 
 DOORS = [door for floor in doors.floors() for door in floor]
