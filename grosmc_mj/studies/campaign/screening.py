@@ -246,16 +246,14 @@ def _confirmed(
 ) -> Outcomes:
     """Runs on the equations, in which those that MuJoCo confirms are replaced by its own."""
     outcome = by_equations
-    while True:
-        rows = confirmation.rows()
-        if not len(rows):
-            judged_by = np.where(confirmation.confirmed, PHYSICS, EQUATIONS)
-            return outcome.changed(judged_by=judged_by.astype(object))
-
+    for rows in confirmation.rounds():
         by_physics = batch.run(controller, rows)
         outcome = outcome.with_rows(rows, by_physics)
         overturned = verdicts_overturned(by_equations.rows(rows), by_physics) > 0
         confirmation.note_margins(rows, overturned, by_physics.shares)
+
+    judged_by = np.where(confirmation.confirmed, PHYSICS, EQUATIONS)
+    return outcome.changed(judged_by=judged_by.astype(object))
 
 
 def drawn_by_chance(seed: int, ids: range) -> Mask:

@@ -60,15 +60,12 @@ def confirmed_map(
     """
     letters = first.copy()
     confirmation = Confirmation(beside_another(first).ravel(), drawn_at_random(first.size))
-    while True:
-        starts = confirmation.rows()
-        if not len(starts):
-            return letters, confirmation
-
+    for starts in confirmation.rounds():
         by_physics = confirm(starts)
         confirmation.note(starts, by_physics != letters.flat[starts])
         letters.flat[starts] = by_physics
         confirmation.doubt(beside_another(letters).ravel())
+    return letters, confirmation
 
 
 def beside_another(letters: Letters) -> Mask:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,8 +32,8 @@ class Confirmation:
     in doubt, above all at random. Once MuJoCo overturns the verdict of one that was not in doubt,
     the equations are not believed any more: it confirms all.
 
-    It is used in rounds, until ``rows()`` is empty: run these rows in MuJoCo, ``note`` which
-    verdicts it overturns, and ``doubt`` other runs if that is a reason to.
+    It is used in ``rounds``: run their rows in MuJoCo, ``note`` which verdicts it overturns, and
+    ``doubt`` other runs if that is a reason to.
 
     Attributes:
         doubtful: Runs in doubt before they were confirmed, (n,).
@@ -72,6 +73,13 @@ class Confirmation:
         if self.refuted:
             chosen[:] = True
         return np.flatnonzero(chosen & ~self.confirmed)
+
+    def rounds(self) -> Iterator[Rows]:
+        """Yield the indices of the runs to confirm next, until none is left."""
+        rows = self.rows()
+        while len(rows):
+            yield rows
+            rows = self.rows()
 
     def note(self, rows: Rows, overturned: Mask) -> None:
         """Take note of runs in MuJoCo.

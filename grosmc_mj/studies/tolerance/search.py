@@ -216,10 +216,7 @@ def confirm_searches(
     confirmation = MarginConfirmation(margins, np.zeros(count, bool), checked)
 
     agreed: dict[ToleranceSearch, bool] = {}
-    while True:
-        rows = confirmation.rows()
-        if not len(rows):
-            return agreed
+    for rows in confirmation.rounds():
         chosen = [searches[i] for i in rows]
         # Noted first: the results of a search that MuJoCo answers otherwise are replaced.
         ends = [
@@ -234,6 +231,7 @@ def confirm_searches(
             by_physics[: len(runs), i] = [1 - physics.known[run].share for run in runs]
         overturned = np.array([not confirmed[search] for search in chosen])
         confirmation.note_margins(rows, overturned, by_physics)
+    return agreed
 
 
 def _confirmed(searches: Sequence[ToleranceSearch], physics: Trials) -> dict[ToleranceSearch, bool]:
