@@ -14,6 +14,7 @@ from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.mechanics.machine import MachinePart
 from grosmc_mj.output.results.verdicts import Verdict, over_draws, verdict_of
 from grosmc_mj.simulation.loop import Loop
+from grosmc_mj.studies.sweep.draws import drawn_case
 from grosmc_mj.studies.sweep.runs import Row, prepare_run, run_rows
 from grosmc_mj.studies.target import Condition, StudiedLaw, judgeable_in
 from grosmc_mj.theory.plants import Plant
@@ -61,13 +62,10 @@ class Trial(NamedTuple):
 
     def row(self, draw: int, plant: Plant) -> Row:
         """Return the row of a draw on the plant of the trial; draw 0 is the file's own run."""
-        experiment = self.experiment
-        loop = None if self.loop is None else self.loop.draw(draw)
         return Row(
             # By its name a law is designed for the control period.
             self.law.controller if self.control_period is None else self.law.base,
-            case=experiment.changed(loop=loop),
-            number=experiment.run_number + draw,
+            case=drawn_case(self.experiment.changed(loop=self.loop), draw),
             plant=plant,
             predict=self.law.predict,
         )
