@@ -59,6 +59,7 @@ COMMANDS: Mapping[str, Entry | Subcommands] = {
     ),
     "claims": CLAIMS,
     "study": STUDIES,
+    "tune": Entry("tune:TuneCommand", "Find numbers with which a law keeps what is required."),
     "identify": Entry(
         "identify:IdentifyCommand",
         "Fit a case's parameters to a log of the machine.",

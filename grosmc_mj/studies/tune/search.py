@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import differential_evolution, minimize
 from scipy.stats import qmc
 
@@ -94,6 +95,11 @@ class Ranges:
         above = (place >= 1 - _END) & (self.high < self.hard_high)
         found = [(int(i), -1) for i in np.flatnonzero(below)]
         return found + [(int(i), 1) for i in np.flatnonzero(above)]
+
+    def at_end(self, point: Array) -> NDArray[np.bool_]:
+        """Whether each coordinate of a point (d,) lies at an end of its range, (d,)."""
+        place = (point - self.low) / self.size
+        return (place <= _END) | (place >= 1 - _END)
 
     def grow(self, ends: Sequence[tuple[int, int]]) -> None:
         """Let ranges grow, up to their bounds."""

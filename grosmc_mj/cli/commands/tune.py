@@ -1,0 +1,115 @@
+"""grosmc-mj tune."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import KW_ONLY
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from grosmc_mj.cli import screen
+from grosmc_mj.cli.command import Target, WholeNumber, command
+from grosmc_mj.cli.commands.study.study_command import StudyCommand
+from grosmc_mj.cli.targets import result_name
+
+if TYPE_CHECKING:
+    from grosmc_mj.output.results.result import Result
+    from grosmc_mj.studies.tune.tune import TunedLaw, TuneStudy
+
+
+@command
+class TuneCommand(StudyCommand["TuneStudy", "TunedLaw"]):
+    """Find numbers with which a law keeps all that a case requires.
+
+    Each law's numbers are searched in its loop and on its machine as built: designs by the hundred,
+    each run under all conditions (nominal and its edits and disturbances, or else those of the
+    system's case1 and case2) and in several draws of what is random. What counts is the worst share
+    of the tightest limit; the search ends at half of each limit, or when its runs are spent. The
+    numbers found are judged on other draws.
+
+    Writes tune_NAME.json, .png and .svg to --out, each finished batch of runs to the folder
+    tune_NAME, and NAME_tuned.toml, a case with the tuned laws, beside a case file of your own, of a
+    case of the package to --out; after Ctrl-C the best so far.
+
+    Exit code: 0 if each law keeps all on the other draws, 1 if none was found for a law, or it does
+    not, 2 if the command or the set-up is wrong.
+
+    Attributes:
+        target: A system, which means its machine, a case, or a case file.
+        law: Laws to tune, such as lqr, implicit or any law of the file.
+        number: Numbers and ranges instead of the law's usual ones, such as "laws.mine.k=0.1..100",
+            "laws.adrc.bandwidth=5 rad/s..500 rad/s" or laws.lqr.Q[1]; a range that ends above 0 is
+            searched by the logarithm.
+        conditions: Conditions that all is asked under.
+        runs: Runs of each law at most.
+        draws: Draws of a loop with an encoder, noise, jitter or missed samples that designs are
+            tuned on.
+        held_out: Other draws that the best design is judged on.
+        seed: Seed of the search.
+    """
+
+    target: Target
+    _: KW_ONLY
+    law: Annotated[tuple[str, ...], Parameter(metavar="NAME...")]
+    number: Annotated[
+        tuple[str, ...], Parameter(metavar="PATH=LOW..HIGH...", show_default="the law's own")
+    ] = ()
+    conditions: Annotated[tuple[str, ...], Parameter(metavar="NAME...", show_default="all")] = ()
+    runs: WholeNumber = 3000
+    draws: WholeNumber = 4
+    held_out: WholeNumber = 20
+    seed: WholeNumber = 0
+
+    def study(self) -> TuneStudy:
+        """Return the target with the laws and numbers that are tuned."""
+        from grosmc_mj.studies.sweep.draws import require_draws
+        from grosmc_mj.studies.tune.tune import tune_study
+
+        require_draws(self.draws)
+        require_draws(self.held_out)
+        return tune_study(
+            self.target,
+            self.law,
+            self.number,
+            conditions=self.conditions,
+            runs=self.runs,
+            draws=self.draws,
+            held_out=self.held_out,
+            seed=self.seed,
+        )
+
+    def measure(self, study: TuneStudy, rows: list[TunedLaw], folder: Path) -> None:
+        """Tune each law; progress counts runs."""
+        from grosmc_mj.studies.study import CellRunner
+        from grosmc_mj.studies.tune.tune import TunedLaw
+
+        with screen.progress(study.runs * len(study.laws), study.unit) as progress:
+            runner = CellRunner(folder, TunedLaw, self.resume, progress, screen.notice)
+            # One by one: an interrupt leaves the first ones.
+            rows.extend(study.rows(study.cells(), runner))
+
+    def result(self, study: TuneStudy, rows: Sequence[TunedLaw], *, complete: bool) -> Result:
+        """Return the result of a tuning."""
+        from grosmc_mj.studies.tune.answer import tune_result
+
+        return tune_result(study, rows, complete=complete)
+
+    def draw(self, study: TuneStudy, rows: Sequence[TunedLaw], path: Path) -> Sequence[Path]:
+        """Draw the figure and write the tuned case file."""
+        from grosmc_mj.ground.files import write_whole
+        from grosmc_mj.output.charts.charts import write_panels
+        from grosmc_mj.studies.tune.answer import case_text, charts, tuned_path
+
+        figure = path.with_suffix(".png")
+        title = f"{study.target}: tuned laws"
+        write_panels(figure, title, [charts(row) for row in rows])
+
+        case = tuned_path(study, self.out, result_name(study.case.path))
+        write_whole(case, case_text(study, rows))
+        return [figure, case]
+
+    def keeps(self, study: TuneStudy, rows: Sequence[TunedLaw]) -> bool:
+        """Whether each law keeps all on draws of no search."""
+        return all(row.kept for row in rows)

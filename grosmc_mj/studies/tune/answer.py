@@ -1,0 +1,474 @@
+"""Answer of a tuning: words, tables, charts, document and the tuned case file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import tomli_w
+from numpy.typing import NDArray
+
+from grosmc_mj.experiments.file.content import Content
+from grosmc_mj.experiments.file.shipped import CASES, shipped_files
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.output.results.result import (
+    KEPT,
+    NOT_KEPT,
+    OPEN,
+    Answer,
+    LineChart,
+    ReportTable,
+    Result,
+    Series,
+    StudyVerdict,
+    Value,
+    finite,
+    result,
+)
+from grosmc_mj.output.results.tables import Table, number, numbers, table, words
+from grosmc_mj.output.results.verdicts import Verdict
+from grosmc_mj.studies.matrix import conditions_document
+from grosmc_mj.studies.tune.numbers import TunableLaw
+from grosmc_mj.studies.tune.shares import TriedDesign
+from grosmc_mj.studies.tune.tune import TunedLaw, TunedNumberRow, TuneStudy
+
+LEGEND = (
+    "Share: measured over allowed value, in the worst of the other draws; above 1 it is not kept."
+)
+# Digits of a tuned number in a case file: its last percent decides nothing.
+_DIGITS = 6
+
+
+class Binding(NamedTuple):
+    """A requirement under a condition, with the share that a design uses of it."""
+
+    condition: str
+    requirement: str
+    share: float
+
+    @property
+    def words(self) -> str:
+        """The requirement with its condition."""
+        name = self.requirement.replace("_", " ")
+        return name if self.condition == "nominal" else f"{name} under {self.condition}"
+
+
+class Conflict(NamedTuple):
+    """Two requirements that fight each other, as far as designs were tried.
+
+    Attributes:
+        binding: The tightest at the best design.
+        other: The tightest at the design that is the best without it.
+        price: Share that this design uses of the first.
+    """
+
+    binding: Binding
+    other: Binding
+    price: float
+
+    @property
+    def words(self) -> str:
+        """The conflict in a sentence."""
+        return (
+            f"{self.binding.words} and {self.other.words} fight each other: without the first, "
+            f"{number(self.other.share)} of the second's limit is reached, at "
+            f"{number(self.price)} of the first's"
+        )
+
+
+def shares_of(design: TriedDesign) -> dict[tuple[str, str], float]:
+    """Return the share that a design uses of each limit, by condition and requirement."""
+    return {
+        (condition, requirement): share
+        for condition, shares in design.shares.items()
+        for requirement, share in shares.items()
+    }
+
+
+def binding(shares: Mapping[tuple[str, str], float]) -> Binding:
+    """Return the requirement with the largest share."""
+    condition, requirement = max(shares, key=lambda key: shares[key])
+    return Binding(condition, requirement, shares[condition, requirement])
+
+
+def conflict(row: TunedLaw, unfailing: Iterable[tuple[str, str]] = ()) -> Conflict | None:
+    """Return the two requirements that fight each other; None with less than two.
+
+    Args:
+        row: The row of a law.
+        unfailing: Conditions with requirements that no run can fail.
+    """
+    best = _counted(row.designs[row.best], unfailing)
+    if len(best) < 2:
+        return None
+    first = binding(best)
+    key = first.condition, first.requirement
+
+    designs = [_counted(design, unfailing) for design in row.designs if design.complete]
+    without = [
+        (max(share for other, share in shares.items() if other != key), shares)
+        for shares in designs
+        if key in shares
+    ]
+    _, shares = min(without, key=lambda pair: pair[0])
+    other = binding({name: share for name, share in shares.items() if name != key})
+    if shares[key] <= first.share:
+        return None
+    return Conflict(first, other, shares[key])
+
+
+def _counted(
+    design: TriedDesign, unfailing: Iterable[tuple[str, str]]
+) -> dict[tuple[str, str], float]:
+    """Shares that a design uses of the limits that a run can fail."""
+    excluded = set(unfailing)
+    return {key: share for key, share in shares_of(design).items() if key not in excluded}
+
+
+# -- words -----------------------------------------------------------------------------------------
+
+
+def _answer(study: TuneStudy, row: TunedLaw) -> Answer:
+    """The answer on a law."""
+    bound = binding(_counted(row.designs[row.best], row.unfailing))
+    runs = f"{row.runs:,} runs"
+    more = ""
+    if not row.complete:
+        verdict = OPEN
+        answer = f"{row.law}: so far {bound.words} uses {number(row.share)} of its limit, {runs}"
+    elif not row.found:
+        verdict = NOT_KEPT
+        answer = (
+            f"None found for {row.law} in {runs}; nearest: {bound.words} "
+            f"{_times(row.share)} its limit"
+        )
+        found = conflict(row, row.unfailing)
+        if found is not None:
+            more = f"{row.law}: {found.words}."
+    else:
+        worst = max(row.after, key=lambda verdict: verdict.share)
+        place = Binding(worst.condition, worst.tightest, worst.share).words
+        verdict = KEPT if row.kept else NOT_KEPT
+        keeps = "keeps all" if row.kept else "does not keep all"
+        where = ""
+        if any(item.drawn for item in study.conditions):
+            where = f" on other draws, {number(row.share)} on its own"
+        answer = f"{row.law} {keeps}: {number(worst.share)} of {place}{where}; {runs}"
+    return Answer(
+        question=f"Tuning of {study.target}: {row.law}",
+        verdict=verdict,
+        words=answer,
+        more=more,
+        notes=[f"{row.law}: {line}" for line in _range_notes(row)],
+    )
+
+
+def _times(share: float) -> str:
+    """A share above 1 in words."""
+    if share > 1e6:
+        return "never reaches"
+    return f"{number(share)} times"
+
+
+def _range_notes(row: TunedLaw) -> Iterator[str]:
+    """Yield a line on each range that has grown, and on each best number at the end of one."""
+    for tuned in row.numbers:
+        ends = f"{number(tuned.low)} to {number(tuned.high)}"
+        if tuned.grown:
+            yield f"the best {tuned.path} lay at the end of its range, which became {ends}"
+        elif tuned.at_end:
+            yield f"the best {tuned.path} lies at the end of its range, {ends}"
+
+
+# -- tables ----------------------------------------------------------------------------------------
+
+
+def numbers_table(rows: Sequence[TunedLaw]) -> Table:
+    """Return the numbers of the laws before and after."""
+    columns = [
+        *words("law", "number"),
+        *numbers("in the file", "tuned", "searched from", "to"),
+        *words("unit"),
+    ]
+    lines = []
+    for row in rows:
+        for tuned in row.numbers:
+            cells = [tuned.before, tuned.after, tuned.low, tuned.high]
+            lines.append([row.law, tuned.path, *map(number, cells), tuned.unit])
+    return table("Numbers", columns, lines, grouped=True)
+
+
+def requirements_table(study: TuneStudy, rows: Sequence[TunedLaw]) -> Table:
+    """Return the share used of each requirement before and after, on draws of no search."""
+    columns = [*words("law", "condition", "requirement"), *numbers("in the file", "tuned")]
+    lines: list[list[str]] = []
+    for row in rows:
+        for before, after in zip(row.before, row.after, strict=True):
+            for name in after.shares:
+                pair = [_share(before, name), _share(after, name)]
+                words_of = name.replace("_", " ")
+                lines.append([row.law, before.condition, words_of, *pair])
+            kept = [f"{item.kept_draws} of {item.draws}" for item in (before, after)]
+            lines.append([row.law, before.condition, "draws that keep all", *kept])
+    return table("Requirements", columns, lines, grouped=True, legend=LEGEND)
+
+
+def _share(verdict: Verdict, name: str) -> str:
+    """The share that a verdict has of a requirement."""
+    share = verdict.shares.get(name, math.inf)
+    return "never" if math.isinf(share) else number(share)
+
+
+def summary_table(rows: Sequence[TunedLaw]) -> Table:
+    """Return a line for each law: draws kept and the worst share, before and after."""
+    columns = [
+        *words("law"),
+        *numbers("file: kept", "worst share", "tuned: kept", "worst share", "on its own draws"),
+        *numbers("runs"),
+    ]
+    lines = []
+    for row in rows:
+        cells = [*_kept_and_worst(row.before), *_kept_and_worst(row.after)]
+        lines.append([row.law, *cells, number(row.share), f"{row.runs}"])
+    return table("Laws", columns, lines, legend=LEGEND)
+
+
+def _kept_and_worst(verdicts: Sequence[Verdict]) -> list[str]:
+    """Draws kept of all conditions together, and the worst share."""
+    if not verdicts:
+        return ["-", "-"]
+    kept = sum(verdict.kept_draws for verdict in verdicts)
+    draws = sum(verdict.draws for verdict in verdicts)
+    worst = max(verdict.share for verdict in verdicts)
+    return [f"{kept} of {draws}", "never" if math.isinf(worst) else number(worst)]
+
+
+# -- charts ----------------------------------------------------------------------------------------
+
+
+def charts(row: TunedLaw) -> list[LineChart]:
+    """Return the charts of a law: requirements over the search, and the map of two numbers."""
+    return [_over_search(row), _number_map(row)]
+
+
+def _over_search(row: TunedLaw) -> LineChart:
+    """Share of each requirement at the best design so far, over the designs tried."""
+    lines: dict[str, tuple[list[float], list[float | None]]] = {}
+    best = math.inf
+    for index, design in enumerate(row.designs):
+        if not design.complete or design.value >= best:
+            continue
+        best = design.value
+        for (condition, requirement), share in _counted(design, row.unfailing).items():
+            x, y = lines.setdefault(Binding(condition, requirement, share).words, ([], []))
+            x.append(float(index + 1))
+            y.append(finite(share))
+    return LineChart(
+        name=f"{row.law}: best so far",
+        titles=("designs tried", "share of the limit"),
+        lines=[Series(name=name, x=x, y=y) for name, (x, y) in lines.items()],
+        limit=1.0,
+    )
+
+
+def _number_map(row: TunedLaw) -> LineChart:
+    """Designs over the two numbers that matter most, kept and not kept."""
+    designs = [design for design in row.designs if design.complete and not design.refused]
+    points = np.array([design.point for design in designs])
+    values = np.array([design.value for design in designs])
+    first, second = _influential(points, values)
+
+    x = _column(row.numbers[first], points[:, first])
+    y: list[Any] = _column(row.numbers[second], points[:, second])
+    titles = (_axis(row.numbers[first]), _axis(row.numbers[second]))
+    if first == second:
+        y = [finite(share) for share in np.exp(np.minimum(values, 50.0)).tolist()]
+        titles = (titles[0], "share of the tightest limit")
+    good = values <= 0
+    lines = [
+        Series(name=name, x=_at(x, where), y=_at(y, where), joined=False)
+        for name, where in (("kept", good), ("not kept", ~good))
+        if where.any()
+    ]
+    best = row.numbers[first].after, row.numbers[second].after
+    if first != second:
+        lines.append(Series(name="best", x=[best[0]], y=[best[1]], joined=False))
+    return LineChart(name=f"{row.law}: designs tried", titles=titles, lines=lines)
+
+
+def _at(values: Sequence[Any], where: NDArray[np.bool_]) -> list[Any]:
+    return [value for value, chosen in zip(values, where, strict=True) if chosen]
+
+
+def _column(tuned: TunedNumberRow, coordinates: Array) -> list[float]:
+    """Values of a number at coordinates."""
+    values = 10.0**coordinates if tuned.logarithmic else coordinates
+    return values.tolist()
+
+
+def _axis(tuned: TunedNumberRow) -> str:
+    return f"{tuned.path} [{tuned.unit}]" if tuned.unit else tuned.path
+
+
+def _influential(points: Array, values: Array) -> tuple[int, int]:
+    """Indices of the two coordinates that the order of the values follows most.
+
+    By the distance from the best point: a number is best somewhere within its range.
+    """
+    count = points.shape[1]
+    if count == 1 or len(points) < 3:
+        return 0, min(1, count - 1)
+    away = np.abs(points - points[values.argmin()])
+    ranks = np.argsort(np.argsort(np.column_stack([away, values]), axis=0), axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        correlation = np.nan_to_num(np.atleast_2d(np.corrcoef(ranks.T))[-1, :-1])
+    first, second = np.argsort(-correlation, kind="stable")[:2].tolist()
+    return min(first, second), max(first, second)
+
+
+# -- case file and document ------------------------------------------------------------------------
+
+
+def tuned_path(study: TuneStudy, out: Path, name: str) -> Path:
+    """Return the path of the tuned case file: beside the case, or in a folder for one shipped.
+
+    Args:
+        study: The study.
+        out: Folder of the results.
+        name: Name of the case in files.
+    """
+    path = study.experiment.path
+    folder = out if path.is_relative_to(CASES) else path.parent
+    return folder / f"{name}_tuned.toml"
+
+
+def case_text(study: TuneStudy, rows: Sequence[TunedLaw]) -> str:
+    """Return the case file that extends the target with the tuned laws, which alone it runs."""
+    experiment = study.experiment
+    laws = {law.name: law for law in study.laws}
+    content: Content = {
+        "extends": _extended(experiment.path),
+        "title": f"{experiment.title}: tuned laws",
+        "controller": [_controller(laws[row.law], row) for row in rows],
+    }
+    # All is required of the tuned laws, whichever laws the file names; its claims are about others.
+    requirements = experiment.file.content.get("requirement", [])
+    content["requirement"] = [
+        {key: value for key, value in requirement.items() if key != "of"}
+        for requirement in requirements
+    ]
+    if experiment.file.content.get("claim"):
+        content["claim"] = []
+    lines = [f"# {_answer(study, row).words}.\n" for row in rows]
+    return "".join(lines) + tomli_w.dumps(content)
+
+
+def _controller(law: TunableLaw, row: TunedLaw) -> Content:
+    """Table of a tuned law."""
+    rounded = {path: float(f"{value:.{_DIGITS}g}") for path, value in row.values.items()}
+    return law.table_with(rounded)
+
+
+def _extended(path: Path) -> str:
+    """Name by which a file extends another one."""
+    for name, file in shipped_files().items():
+        if file == path:
+            return name
+    return path.name
+
+
+def tune_result(study: TuneStudy, rows: Sequence[TunedLaw], *, complete: bool) -> Result:
+    """Return the result of a tuning.
+
+    Args:
+        study: The target.
+        rows: Its rows.
+        complete: Whether nothing was interrupted.
+    """
+    judged = [row for row in rows if row.complete]
+    sheets = [
+        ReportTable(table=summary_table(rows), brief=len(rows) > 1),
+        ReportTable(
+            table=numbers_table(rows),
+            charts=[chart for row in rows for chart in charts(row)],
+            brief=True,
+        ),
+        ReportTable(table=requirements_table(study, judged), brief=len(rows) == 1),
+    ]
+    return result(
+        "tune",
+        study.configuration(),
+        seed=study.seed,
+        complete=complete,
+        answers=[_answer(study, row) for row in rows],
+        standings=_standings(study, rows),
+        sheets=sheets,
+        remarks=_remarks(study),
+        values=_values(study, rows),
+        target=study.target,
+        conditions=conditions_document(item.condition for item in study.conditions),
+        laws=[_law_document(row) for row in rows],
+    )
+
+
+def _remarks(study: TuneStudy) -> list[str]:
+    names = ", ".join(item.name for item in study.conditions)
+    drawn = any(item.drawn for item in study.conditions)
+    draws = "nothing is drawn at random"
+    if drawn:
+        draws = f"tuned on {study.draws} draws, judged on {study.held_out} other ones"
+    return [
+        f"Asked under: {names}; {draws}.",
+        f"A search ends at {study.target_share:g} of each limit, or with its runs; seed "
+        f"{study.seed}.",
+    ]
+
+
+def _standings(study: TuneStudy, rows: Sequence[TunedLaw]) -> Iterator[StudyVerdict]:
+    """Yield the verdict on each law with its tuned numbers."""
+    for row in rows:
+        worst = max(row.after, key=lambda item: item.share, default=None)
+        share = row.share if worst is None else worst.share
+        breaks_at = ""
+        if not row.kept:
+            breaks_at = "tuned" if worst is None else worst.condition
+        yield StudyVerdict(
+            case=study.target,
+            law=row.law,
+            breaks_at=breaks_at,
+            words=_answer(study, row).words,
+            share=finite(share),
+            complete=row.complete,
+        )
+
+
+def _values(study: TuneStudy, rows: Sequence[TunedLaw]) -> Iterator[Value]:
+    """Yield what ``diff`` compares; the numbers of another search differ, shares hardly."""
+    for row in rows:
+        name = f"{study.target} {row.law}"
+        yield Value(name=f"{name}: tuned", value="kept" if row.kept else "not kept")
+        for verdict in row.after:
+            yield Value(
+                name=f"{name}, {verdict.condition}: worst share",
+                value=finite(verdict.share),
+                better=-1,
+                relative=0.1,
+            )
+
+
+def _law_document(row: TunedLaw) -> dict[str, Any]:
+    """Row of a law as plain values."""
+    found = conflict(row, row.unfailing)
+    return {
+        **row.model_dump(exclude={"designs", "unfailing"}),
+        "found": row.found,
+        "kept": row.kept,
+        "conflict": None if found is None else found.words,
+        "designs": [
+            {"point": design.point, "value": design.value, "complete": design.complete}
+            for design in row.designs
+        ],
+    }

@@ -1,0 +1,225 @@
+"""Measure of designs of a law: the worst share of the tightest limit, over conditions and draws."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from pydantic import BaseModel
+
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.requirements.requirement import Requirement
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import ArgumentError, GrosmcError
+from grosmc_mj.output.results.verdicts import Unlimited, Verdict, over_draws
+from grosmc_mj.studies.sweep.runs import Outcomes, Row, run_rows
+from grosmc_mj.studies.target import Condition, limits_in
+from grosmc_mj.studies.tune.numbers import TunableLaw
+from grosmc_mj.theory.control.controller import Controller
+
+# Value of a design that cannot be made; no run comes near it.
+_REFUSED = 1e3
+# Least share that a value tells from none at all.
+_LEAST_SHARE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class TuningCondition:
+    """Condition that a law is tuned under: a plant with its loads, in its loop as built.
+
+    Attributes:
+        condition: Plant and loads, with loop and machine.
+        case: Function that returns the case of a draw, by its number.
+        draws: Draws that designs are tuned on; 1 where nothing is drawn.
+        drawn: Whether other draws are other runs.
+    """
+
+    condition: Condition
+    case: Callable[[int], Experiment]
+    draws: int
+    drawn: bool
+
+    @property
+    def name(self) -> str:
+        """Name of the condition."""
+        return self.condition.name
+
+
+class TriedDesign(BaseModel):
+    """Design that a search has tried.
+
+    Attributes:
+        point: Coordinates of its numbers, (d,).
+        value: Logarithm of the worst share; of one that lost a race, at least that of its parent.
+        shares: Share used of each limit in the worst draw, by condition and requirement; of one
+            that lost, of the runs that were made.
+        complete: Whether all its runs were made.
+        refused: Why it cannot be designed; empty if it can.
+    """
+
+    point: list[float]
+    value: float
+    shares: dict[str, dict[str, Unlimited]] = {}
+    complete: bool = True
+    refused: str = ""
+
+
+class TriedDesigns(BaseModel):
+    """Designs that were tried together.
+
+    Attributes:
+        designs: The designs.
+        runs: Runs that they took.
+    """
+
+    designs: list[TriedDesign]
+    runs: int
+
+    @property
+    def values(self) -> Array:
+        """Values of the designs, (n,)."""
+        return np.array([design.value for design in self.designs])
+
+
+@dataclass(eq=False)
+class Measure:
+    """Worst share of the tightest limit of designs of a law, as a function that a search asks.
+
+    Its value is a logarithm: 0 for a limit that is just kept. A run that ended early or never gets
+    there has one, too: the longer it lasted, and the nearer it came, the better.
+
+    Attributes:
+        law: The law with its numbers.
+        conditions: Conditions, in the order in which designs are run under them.
+        limits: Requirements by condition.
+        unfailing: Names of requirements by condition that no run can fail: they are judged, and
+            have no part in the value.
+        races: Whether a design that is worse than its parent already runs no more.
+    """
+
+    law: TunableLaw
+    conditions: list[TuningCondition]
+    races: bool = True
+    limits: Mapping[str, tuple[Requirement, ...]] = field(init=False)
+    unfailing: Mapping[str, set[str]] = field(init=False)
+
+    def __post_init__(self) -> None:
+        plant = self.law.experiment.nominal.truest
+        self.limits = {
+            item.name: limits_in(
+                self.law.experiment.file.requirement, self.law.law, item.condition, [plant]
+            )
+            for item in self.conditions
+        }
+        for item in self.conditions:
+            if not self.limits[item.name]:
+                raise ArgumentError(
+                    f"law {self.law.name}: no requirement of {item.condition.experiment.path} can "
+                    f"be judged by a run under {item.name}"
+                )
+        self.unfailing = {item.name: self._unfailing(item) for item in self.conditions}
+
+    def _unfailing(self, item: TuningCondition) -> set[str]:
+        """Names of the requirements that no run under a condition can fail."""
+        experiment = item.condition.experiment
+        ranges = experiment.input_limits(experiment.plant(experiment.nominal.truest))
+        controller = self.law.law.controller
+        limits = self.limits[item.name]
+        return {limit.name for limit in limits if limit.why_unfailing(controller, ranges)}
+
+    @property
+    def runs_of_point(self) -> int:
+        """Runs of a design at most."""
+        return sum(item.draws for item in self.conditions)
+
+    def tried(self, points: Array, beat: Array) -> TriedDesigns:
+        """Run designs; a design that cannot beat its value any more runs no more.
+
+        Args:
+            points: Coordinates of the designs' numbers, (n, d).
+            beat: Value that each has to beat, (n,).
+        """
+        designs = [TriedDesign(point=point.tolist(), value=-math.inf) for point in points]
+        laws: dict[int, Controller] = {}
+        for index, point in enumerate(points):
+            try:
+                laws[index] = self.law.designed(self.law.values_at(point))
+            except (GrosmcError, ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
+                designs[index] = designs[index].model_copy(
+                    update={"value": _REFUSED, "refused": str(error)}
+                )
+
+        runs = 0
+        for item, draws in self._stages():
+            racing = [i for i in laws if not self.races or designs[i].value <= beat[i]]
+            for index in laws.keys() - set(racing):
+                designs[index].complete = False
+            if not racing:
+                break
+            outcomes = self.outcomes([laws[i] for i in racing], item, draws)
+            runs += len(racing) * len(draws)
+            for place, index in enumerate(racing):
+                rows = range(place * len(draws), (place + 1) * len(draws))
+                self._note(designs[index], item, outcomes, rows)
+        return TriedDesigns(designs=designs, runs=runs)
+
+    def _stages(self) -> list[tuple[TuningCondition, range]]:
+        """Runs of a design in their order: the first draw of the first condition comes alone."""
+        first = self.conditions[0]
+        stages = [(first, range(1))]
+        if first.draws > 1:
+            stages.append((first, range(1, first.draws)))
+        return stages + [(item, range(item.draws)) for item in self.conditions[1:]]
+
+    def outcomes(
+        self, laws: Sequence[Controller], item: TuningCondition, draws: Sequence[int]
+    ) -> Outcomes:
+        """Run designs in draws of a condition: row i * draws + j is draw j of design i."""
+        experiment = item.condition.experiment
+        cases = [item.case(number) for number in draws]
+        rows = [Row(law, case=case, predict=self.law.law.predict) for law in laws for case in cases]
+        return run_rows(
+            experiment,
+            rows,
+            self.limits[item.name],
+            experiment.nominal.truest,
+            keep_impossible=True,
+            unfailing=self.unfailing[item.name],
+        )
+
+    def _note(
+        self, design: TriedDesign, item: TuningCondition, outcomes: Outcomes, rows: Sequence[int]
+    ) -> None:
+        """Note the runs of a design under a condition."""
+        order = outcomes["order"][list(rows)]
+        # The order of a run that cannot be made has no bound.
+        used = np.minimum(1 - order, math.exp(_REFUSED / 2))
+        value = float(np.log(np.maximum(used, _LEAST_SHARE)).max())
+        design.value = max(design.value, value)
+
+        shares = design.shares.setdefault(item.name, {})
+        for row in rows:
+            for name, share in outcomes.verdict(row).shares.items():
+                shares[name] = max(shares.get(name, 0.0), share)
+
+    def judged(self, law: Controller, first: int, count: int) -> list[Verdict]:
+        """Return the verdict on a design under each condition, over draws.
+
+        Args:
+            law: The design.
+            first: Number of the first draw; where nothing is drawn there is one run.
+            count: Number of draws.
+        """
+        verdicts = []
+        for item in self.conditions:
+            draws = range(first, first + count) if item.drawn else range(1)
+            outcomes = self.outcomes([law], item, draws)
+            runs = [outcomes.verdict(row, draw=number) for row, number in enumerate(draws)]
+            verdict = over_draws(runs)
+            shares = {
+                name: max(run.shares.get(name, math.inf) for run in runs) for name in verdict.shares
+            }
+            verdicts.append(verdict.changed(law=self.law.name, condition=item.name, shares=shares))
+        return verdicts

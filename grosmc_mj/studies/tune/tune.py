@@ -1,0 +1,430 @@
+"""Tuning of laws: numbers that keep all requirements, over conditions, draws and plants."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel
+
+from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.ground.arguments import require_known
+from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.output.results.verdicts import Verdict
+from grosmc_mj.studies.pieces import Piece, PieceStore, Rows
+from grosmc_mj.studies.study import CellRunner, Study, StudyCell, dependencies
+from grosmc_mj.studies.sweep.draws import drawn_case
+from grosmc_mj.studies.target import MACHINE, Condition, case_for, conditions_of
+from grosmc_mj.studies.tune.laws import tunable_laws
+from grosmc_mj.studies.tune.numbers import TunableLaw, ranges_of, start_of
+from grosmc_mj.studies.tune.search import Search
+from grosmc_mj.studies.tune.shares import Measure, TriedDesign, TriedDesigns, TuningCondition
+
+# Number of the first draw that designs are judged on; no search has so many.
+HELD_OUT = 1000
+# Share of the tightest limit at which a search ends.
+TARGET = 0.5
+
+
+class TunedNumberRow(BaseModel):
+    """Number of a law before and after.
+
+    Attributes:
+        path: Place in the law's table.
+        unit: Its unit.
+        before: Value in the file; None if the file has none.
+        after: Value of the best design.
+        low: Least value of its range, as far as it has grown.
+        high: Largest value.
+        grown: Whether the range has grown.
+        at_end: Whether the best design lies at an end of the range, which cannot grow.
+        logarithmic: Whether it was searched by its logarithm.
+    """
+
+    path: str
+    unit: str
+    before: float | None
+    after: float
+    low: float
+    high: float
+    grown: bool
+    at_end: bool
+    logarithmic: bool
+
+
+class TunedLaw(BaseModel):
+    """Row of a law.
+
+    Attributes:
+        law: Name of the law.
+        numbers: Its numbers.
+        share: Share of the tightest limit of the best design, on the draws it was tuned on.
+        history: Each best design when it was found: runs so far, and its share.
+        designs: Designs that were tried, in their order.
+        best: Index of the best one.
+        runs: Runs of the search.
+        unfailing: Conditions with requirements that no run can fail.
+        before: Verdicts on the numbers of the file on other draws, by condition.
+        after: Verdicts on the best design on these draws; none if the search was interrupted.
+        complete: False if the search was interrupted.
+    """
+
+    law: str
+    numbers: list[TunedNumberRow]
+    share: float
+    history: list[tuple[int, float]]
+    designs: list[TriedDesign]
+    best: int
+    runs: int
+    unfailing: list[tuple[str, str]] = []
+    before: list[Verdict] = []
+    after: list[Verdict] = []
+    complete: bool = True
+
+    @property
+    def found(self) -> bool:
+        """Whether all is kept on the draws that the law was tuned on."""
+        return self.share <= 1
+
+    @property
+    def kept(self) -> bool:
+        """Whether all is kept on the other draws, too."""
+        return self.found and bool(self.after) and all(row.kept for row in self.after)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The numbers of the best design, by path."""
+        return {number.path: number.after for number in self.numbers}
+
+
+@dataclass(frozen=True, eq=False)
+class TuneStudy(Study[TunedLaw]):
+    """A target, ready to be tuned.
+
+    Attributes:
+        experiment: Experiment of the target, with loop and machine.
+        laws: The laws with their numbers.
+        conditions: Conditions that all is asked under.
+        runs: Runs of a law at most.
+        draws: Draws that designs are tuned on.
+        held_out: Other draws that they are judged on.
+        seed: Seed of the searches.
+        target_share: Share of the tightest limit at which a search ends.
+    """
+
+    kind = "tune"
+    row = TunedLaw
+    unit = "runs"
+
+    experiment: Experiment
+    laws: Sequence[TunableLaw]
+    conditions: Sequence[TuningCondition]
+    runs: int = 3000
+    draws: int = 4
+    held_out: int = 20
+    seed: int = 0
+    target_share: float = TARGET
+    races: bool = True
+
+    @property
+    def case(self) -> Experiment:
+        """Experiment of the target."""
+        return self.experiment
+
+    @property
+    def target(self) -> str:
+        """SYSTEM/CASE."""
+        return self.experiment.target
+
+    def configuration(self) -> dict[str, Any]:
+        """Return the configuration as the result has it."""
+        return {
+            "target": self.target,
+            "conditions": [item.name for item in self.conditions],
+            "runs": self.runs,
+            "draws": self.draws,
+            "held_out": self.held_out,
+            "seed": self.seed,
+            "target_share": self.target_share,
+            "races": self.races,
+        }
+
+    def cells(self) -> list[StudyCell[TunedLaw]]:
+        """Return a cell for each law."""
+        depends_on = dependencies(
+            self.configuration(), [item.condition for item in self.conditions]
+        )
+        return [
+            StudyCell(
+                name=law.name,
+                key=(law.name, repr(law.table), repr(law.numbers)),
+                depends_on=depends_on,
+                measure=partial(_refuse_measuring, law.name),
+            )
+            for law in self.laws
+        ]
+
+    def rows(
+        self, cells: Sequence[StudyCell[TunedLaw]], runner: CellRunner[TunedLaw]
+    ) -> Iterator[TunedLaw]:
+        """Yield the row of each law; of one whose search is interrupted what is found so far."""
+        for cell, law in zip(cells, self.laws, strict=True):
+            row = runner.read(cell)
+            if row is not None:
+                runner.progress(cell.name, self.runs)
+                yield row
+                continue
+
+            tuning = LawTuning(self, law, cell, runner)
+            try:
+                row = tuning.tuned()
+            except KeyboardInterrupt:
+                if tuning.designs:
+                    yield tuning.row(complete=False)
+                raise
+            runner.write(cell, row)
+            yield row
+
+
+def _refuse_measuring(law: str, _: Any) -> TunedLaw:
+    """Refuse to measure a cell alone: its batches are stored, too."""
+    raise NotImplementedError(f"{law}: see TuneStudy.rows")
+
+
+class LawTuning:
+    """Tuning of a law, batch by batch; each is stored.
+
+    Attributes:
+        designs: Designs that have been tried.
+    """
+
+    def __init__(
+        self,
+        study: TuneStudy,
+        law: TunableLaw,
+        cell: StudyCell[TunedLaw],
+        runner: CellRunner[TunedLaw],
+    ) -> None:
+        """Begin without a run.
+
+        Args:
+            study: The study.
+            law: The law.
+            cell: Its cell.
+            runner: Has the folder of what is finished.
+        """
+        self.designs: list[TriedDesign] = []
+        self._study = study
+        self._law = law
+        self._cell = cell
+        self._runner = runner
+        self._store = PieceStore(runner.folder, Rows(TriedDesigns))
+        self._batches = 0
+        self._runs = 0
+        self._measure = Measure(law, list(study.conditions), races=study.races)
+        self._search = Search(
+            self,
+            ranges_of(law.numbers),
+            start_of(law.numbers),
+            budget=study.runs,
+            target=math.log(study.target_share),
+            seed=study.seed,
+        )
+
+    @property
+    def runs_of_point(self) -> int:
+        """Runs of a design at most."""
+        return self._measure.runs_of_point
+
+    def __call__(self, points: Array, beat: Array) -> tuple[Array, int]:
+        """Return the values of designs and their number of runs: read, or run and stored."""
+        piece = self._piece([points.tolist(), beat.tolist()])
+        self._batches += 1
+        batch = self._store.read(piece) if self._runner.resume else None
+        if batch is None:
+            batch = self._measure.tried(points, beat)
+            self._store.write(piece, batch)
+
+        first = not self.designs
+        self.designs += batch.designs
+        self._runs += batch.runs
+        if first:
+            self._refuse_impossible()
+            self._sort_conditions()
+        self._runner.progress(f"{self._law.name}: {self._words()}", batch.runs)
+        return batch.values, batch.runs
+
+    def _piece(self, asked: Any) -> Piece:
+        """Return a batch among stored pieces."""
+        depends_on = [self._cell.depends_on, self._cell.key, self._batches, asked]
+        return Piece.named_by(depends_on, f"batch {self._batches} of {self._law.name}")
+
+    def _refuse_impossible(self) -> None:
+        """Refuse a law none of whose first designs can be made."""
+        reasons = [design.refused for design in self.designs]
+        if all(reasons):
+            raise ArgumentError(
+                f"law {self._law.name}: none of {len(reasons)} designs within the ranges can be "
+                f"made: {reasons[0]}"
+            )
+
+    def _sort_conditions(self) -> None:
+        """Put the condition first that is the hardest for the first designs: it decides races."""
+        worst = dict.fromkeys(self._measure.limits, 0.0)
+        for design in self.designs:
+            for name, shares in design.shares.items():
+                counted = [
+                    share
+                    for limit, share in shares.items()
+                    if limit not in self._measure.unfailing[name]
+                ]
+                worst[name] += math.log(max(1e-6, min(max(counted, default=0.0), 1e6)))
+        self._measure.conditions.sort(key=lambda item: -worst[item.name])
+
+    def _words(self) -> str:
+        """The best share so far, in words."""
+        best = self.designs[self._best].value
+        return f"{math.exp(min(best, 50.0)):.3g} of the tightest limit"
+
+    @property
+    def _best(self) -> int:
+        """Index of the best design."""
+        values = [design.value if design.complete else math.inf for design in self.designs]
+        return int(np.argmin(values))
+
+    def tuned(self) -> TunedLaw:
+        """Search, judge the best design on other draws, and return the row."""
+        self._search.run()
+        # Those of the search that were not needed.
+        self._runner.progress(f"{self._law.name}: judged", self._study.runs - self._runs)
+        return self.row(complete=True)
+
+    def row(self, *, complete: bool) -> TunedLaw:
+        """Return the row of what is found so far.
+
+        Args:
+            complete: Whether the search has ended, so that its best design is judged.
+        """
+        best = self.designs[self._best]
+        values = self._law.values_at(np.array(best.point))
+        before: list[Verdict] = []
+        after: list[Verdict] = []
+        if complete:
+            held_out = (HELD_OUT, self._study.held_out)
+            before = self._measure.judged(self._law.law.controller, *held_out)
+            after = self._measure.judged(self._law.designed(values), *held_out)
+        return TunedLaw(
+            law=self._law.name,
+            numbers=self._number_rows(values),
+            share=math.exp(min(best.value, 700.0)),
+            history=[
+                (found.runs, math.exp(min(found.value, 700.0))) for found in self._search.history
+            ],
+            designs=self.designs,
+            best=self._best,
+            runs=self._runs,
+            unfailing=[
+                (name, limit)
+                for name, limits in self._measure.unfailing.items()
+                for limit in sorted(limits)
+            ],
+            before=before,
+            after=after,
+            complete=complete,
+        )
+
+    def _number_rows(self, values: dict[str, float]) -> list[TunedNumberRow]:
+        """Numbers of the law before and after."""
+        ranges = self._search.ranges
+        best = np.array(self.designs[self._best].point)
+        at_end = ranges.at_end(best)
+        grown = {coordinate for coordinate, _ in ranges.grown}
+        return [
+            TunedNumberRow(
+                path=number.path,
+                unit=number.unit,
+                before=number.start,
+                after=values[number.path],
+                low=number.value(float(ranges.low[index])),
+                high=number.value(float(ranges.high[index])),
+                grown=index in grown,
+                at_end=bool(at_end[index]),
+                logarithmic=number.logarithmic,
+            )
+            for index, number in enumerate(self._law.numbers)
+        ]
+
+
+def tune_study(
+    target: str,
+    laws: Sequence[str],
+    numbers: Sequence[str] = (),
+    *,
+    conditions: Sequence[str] = (),
+    runs: int = 3000,
+    draws: int = 4,
+    held_out: int = 20,
+    seed: int = 0,
+) -> TuneStudy:
+    """Return a target with the laws and the numbers that are tuned.
+
+    Args:
+        target: A system, which means its machine, ``SYSTEM/CASE``, or the path of a case file.
+        laws: Names of laws.
+        numbers: Numbers and their ranges, such as ``laws.mine.k=0.1..100``.
+        conditions: Names of the conditions; all by default.
+        runs: Runs of a law at most.
+        draws: Draws that designs are tuned on.
+        held_out: Other draws that they are judged on.
+        seed: Seed of the searches.
+
+    Raises:
+        ArgumentError: If there is no such target, law, number or condition, or nothing is required.
+    """
+    experiment = case_for(target, MACHINE)
+    asked = _conditions(experiment, conditions, draws)
+    least = sum(item.draws for item in asked)
+    if runs < least:
+        raise ArgumentError(f"--runs {runs} must be {least} at least, those of one design")
+    return TuneStudy(
+        experiment=experiment,
+        laws=tunable_laws(experiment, laws, numbers),
+        conditions=asked,
+        runs=runs,
+        draws=draws,
+        held_out=held_out,
+        seed=seed,
+    )
+
+
+def _conditions(experiment: Experiment, names: Sequence[str], draws: int) -> list[TuningCondition]:
+    """Return the conditions of these names, all by default, in the loop and machine as built."""
+    parts = experiment.parts
+    edits = tuple(edit for edit in experiment.edits if edit not in parts)
+    conditions = {}
+    for bare in conditions_of(experiment.varied(loop=None, edits=edits)):
+        case = bare.experiment
+        built = case.varied(loop=experiment.loop, edits=(*case.edits, *parts))
+        conditions[bare.name] = Condition(bare.name, bare.title, built)
+
+    for name in names:
+        require_known("condition", name, conditions)
+    chosen = [conditions[name] for name in dict.fromkeys(names or conditions)]
+    return [_tuning_condition(condition, draws) for condition in chosen]
+
+
+def _tuning_condition(condition: Condition, draws: int) -> TuningCondition:
+    """Return a condition with the draws of its loop."""
+    loop = condition.experiment.loop
+    drawn = loop is not None and loop.drawn
+    return TuningCondition(
+        condition=condition,
+        case=partial(drawn_case, condition.experiment),
+        draws=draws if drawn else 1,
+        drawn=drawn,
+    )
