@@ -11,8 +11,10 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.content import Content
 from grosmc_mj.experiments.file.shipped import CASES, shipped_files
+from grosmc_mj.experiments.requirement_tables import kinds_in
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.output.results.result import (
     KEPT,
@@ -349,27 +351,49 @@ def case_text(study: TuneStudy, rows: Sequence[TunedLaw]) -> str:
     """Return the case file that extends the target with the tuned laws, which alone it runs."""
     experiment = study.experiment
     laws = {law.name: law for law in study.laws}
+    tables = {laws[row.law].base: _table(laws[row.law], row) for row in rows}
     content: Content = {
         "extends": _extended(experiment.path),
         "title": f"{experiment.title}: tuned laws",
-        "controller": [_controller(laws[row.law], row) for row in rows],
+        "laws": tables,
+        "controller": [{"name": row.law, "law": laws[row.law].base} for row in rows],
     }
-    # All is required of the tuned laws, whichever laws the file names; its claims are about others.
-    requirements = experiment.file.content.get("requirement", [])
-    content["requirement"] = [
-        {key: value for key, value in requirement.items() if key != "of"}
-        for requirement in requirements
-    ]
+    content["requirement"] = list(_requirements(experiment, [laws[row.law] for row in rows]))
+    # The claims of the file are about its own laws.
     if experiment.file.content.get("claim"):
         content["claim"] = []
     lines = [f"# {_answer(study, row).words}.\n" for row in rows]
     return "".join(lines) + tomli_w.dumps(content)
 
 
-def _controller(law: TunableLaw, row: TunedLaw) -> Content:
+def _table(law: TunableLaw, row: TunedLaw) -> Content:
     """Table of a tuned law."""
-    rounded = {path: float(f"{value:.{_DIGITS}g}") for path, value in row.values.items()}
-    return law.table_with(rounded)
+    rounded = {name: float(f"{value:.{_DIGITS}g}") for name, value in row.values.items()}
+    return law.with_numbers(rounded).file.content["laws"][law.base]
+
+
+def _requirements(experiment: Experiment, laws: Sequence[TunableLaw]) -> Iterator[Content]:
+    """Yield the tables of requirements, asked of the tuned laws whichever laws the file names."""
+    names = [law.name for law in laws]
+    file = experiment.file
+    for required, written in zip(file.requirement, file.content["requirement"], strict=True):
+        kinds = kinds_in(required)
+        # Names of the laws by what can be asked of them.
+        of_laws: dict[tuple[str, ...], list[str]] = {}
+        for law in laws:
+            controller = law.law.controller
+            asked = tuple(
+                kind.key
+                for kind in kinds
+                if kind.can_be_asked_of(controller, getattr(required, kind.key))
+            )
+            of_laws.setdefault(asked, []).append(law.name)
+
+        for asked, of in of_laws.items():
+            left_out = {kind.key for kind in kinds} - {*asked} | {"of"}
+            content = {key: value for key, value in written.items() if key not in left_out}
+            if asked:
+                yield content if of == names else {"of": of, **content}
 
 
 def _extended(path: Path) -> str:

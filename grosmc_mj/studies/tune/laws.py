@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import inspect
-import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.content import Content
+from grosmc_mj.experiments.file.reading import case_file_of
 from grosmc_mj.experiments.file.user_code import is_named
-from grosmc_mj.experiments.laws import laws_of
+from grosmc_mj.experiments.number import Number
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.errors import ArgumentError, placed, value_text
 from grosmc_mj.ground.units import is_number, typed_number
 from grosmc_mj.studies.target import StudiedLaw, chosen_laws
-from grosmc_mj.studies.tune.numbers import TunableLaw, TunedNumber, keys_of
+from grosmc_mj.studies.tune.numbers import TunableLaw, TunedNumber
 
 # A number of a law with its range, laws.NAME.PATH=LOW..HIGH; the range may be missing.
 _WRITTEN = re.compile(r"(?P<path>[^=]+)(?:=(?P<low>.+?)\.\.(?P<high>.+))?")
@@ -28,40 +27,24 @@ _FORM = "laws.NAME.NUMBER=LOW..HIGH, such as laws.lqr.Q[1]=1..1e5"
 _SPREAD = 100.0
 # Laws of the package whose closed loop Q does not place.
 _WITHOUT_WEIGHTS = ("pid", "fl-pid", "linear-pid", "pd", "adaptive", "linear-adaptive")
-_WEIGHT_RANGE = (1e-1, 1e5)
 # Ways to the gains of a PID, of which a table has one.
 _PID_GAINS = ("kp", "ki", "kd")
 _INSTEAD_OF_GAINS = ("tune", "frequency")
 
-
-@dataclass(frozen=True)
-class _Declared:
-    """Range of a number of the package's laws.
-
-    Attributes:
-        low: Least value.
-        high: Largest value.
-        unit: Its unit.
-    """
-
-    low: float
-    high: float
-    unit: str = ""
-
-
-_DECLARED = {
-    "k": _Declared(0.1, 200.0),
-    "epsilon": _Declared(0.1, 200.0),
-    "integral_weight": _Declared(1e-2, 1e6),
-    "frequency": _Declared(0.3, 100.0, "rad/s"),
-    "damping": _Declared(0.2, 3.0),
-    "bandwidth": _Declared(5.0, 500.0, "rad/s"),
-    "adaptation": _Declared(1e-3, 1e4),
-    "kp": _Declared(0.1, 300.0),
-    "ki": _Declared(1e-2, 1e3),
-    "kd": _Declared(1e-3, 30.0),
-    "filter": _Declared(5e-4, 0.1, "s"),
-    "reaching_rate": _Declared(1e-2, 30.0),
+# Ranges of numbers of the package's laws.
+_RANGES: Mapping[str, tuple[float, float]] = {
+    "Q": (1e-1, 1e5),
+    "k": (0.1, 200.0),
+    "epsilon": (0.1, 200.0),
+    "integral_weight": (1e-2, 1e6),
+    "frequency": (0.3, 100.0),
+    "damping": (0.2, 3.0),
+    "bandwidth": (5.0, 500.0),
+    "adaptation": (1e-3, 1e4),
+    "kp": (0.1, 300.0),
+    "ki": (1e-2, 1e3),
+    "kd": (1e-3, 30.0),
+    "filter": (5e-4, 0.1),
 }
 
 
@@ -79,14 +62,21 @@ def tunable_laws(
     Raises:
         ArgumentError: If there is no such law or number, or a range cannot be.
     """
-    studied = chosen_laws(experiment.varied(loop=None), names)
+    studied = chosen_laws(experiment.changed(loop=None), names)
     named = _by_law(written, [law.name for law in studied])
     return [_tunable_law(experiment, law, named.get(law.name, {})) for law in studied]
 
 
-def _by_law(written: Sequence[str], laws: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Return the numbers that are named, by law and path, each with its ends as texts or None."""
-    named: dict[str, dict[str, Any]] = {}
+class _Ends(NamedTuple):
+    """Ends of a range, as they are typed."""
+
+    low: str
+    high: str
+
+
+def _by_law(written: Sequence[str], laws: Sequence[str]) -> dict[str, dict[str, _Ends | None]]:
+    """Return the numbers that are named, by law and path, each with the ends of its range."""
+    named: dict[str, dict[str, _Ends | None]] = {}
     for text in written:
         match = _WRITTEN.fullmatch(text)
         path = match["path"].strip() if match else ""
@@ -99,43 +89,59 @@ def _by_law(written: Sequence[str], laws: Sequence[str]) -> dict[str, dict[str, 
             require_known("law", path.partition(".")[0], laws, f"--number {text}: ")
             raise ArgumentError(f"--number {value_text(text)} must be {_FORM}")
         law = max(owners, key=len)
-        ends = (match["low"], match["high"]) if match["low"] else None
+        ends = _Ends(match["low"], match["high"]) if match["low"] else None
         named.setdefault(law, {})[path.removeprefix(f"{law}.")] = ends
     return named
 
 
-def _tunable_law(experiment: Experiment, law: StudiedLaw, named: Mapping[str, Any]) -> TunableLaw:
+def _tunable_law(
+    experiment: Experiment, law: StudiedLaw, named: Mapping[str, _Ends | None]
+) -> TunableLaw:
     """Return a law with the numbers that are named, or else with those that are declared."""
     table = _table(experiment, law)
-    if any(path in _PID_GAINS for path in [*named, *_own_gains(table)]):
-        for key in _INSTEAD_OF_GAINS:
-            table.pop(key, None)
-
     paths = list(named) or list(_paths(table, law))
     if not paths:
         raise ArgumentError(
             f"law {law.name} has no number to tune: name one by --number laws.{law.name}..."
         )
-    numbers = []
-    for path in paths:
-        with placed(f"laws.{law.name}.{path}: "):
-            numbers.append(_number(experiment, law, table, path, named.get(path)))
-    return TunableLaw(law, experiment, table, tuple(numbers))
+    if table["law"] == "pid" and {*paths} & {*_PID_GAINS}:
+        _give_gains(table, law)
+    if any(path.startswith("Q[") for path in paths):
+        table.setdefault("Q", experiment.file.task.Q)
+
+    base = f"{law.name}, tuned"
+    case = _with_law(experiment, law, base, table)
+    numbers = [_tuned_number(case, base, law, path, named.get(path)) for path in paths]
+    return TunableLaw(law, case, base, tuple(numbers))
 
 
 def _table(experiment: Experiment, law: StudiedLaw) -> Content:
-    """Return the table of a law as a controller of the file, with all its numbers."""
+    """Return the table of a law, with all its numbers."""
     table = experiment.file.law(law.base).model_dump(exclude_unset=True)
+    table.pop("name", None)
     table.update(law.sampled)
-    table["name"] = law.name
     if law.predict:
         table["predict"] = True
     return table
 
 
-def _own_gains(table: Content) -> tuple[str, ...]:
-    """Return the gains that are tuned of a PID by default."""
-    return _PID_GAINS if table["law"] == "pid" else ()
+def _give_gains(table: Content, law: StudiedLaw) -> None:
+    """Give the table of a PID the gains that it has come to another way."""
+    for key in _INSTEAD_OF_GAINS:
+        if table.pop(key, None) is not None:
+            gains = {gain: getattr(law.controller.parameters, gain) for gain in _PID_GAINS}
+            table.update({gain: float(np.ravel(value)[0]) for gain, value in gains.items()})
+
+
+def _with_law(experiment: Experiment, law: StudiedLaw, base: str, table: Content) -> Experiment:
+    """Return an experiment with a law as its only controller, in a table of its own."""
+    content = experiment.file.content
+    content = {
+        **content,
+        "laws": {**content.get("laws", {}), base: table},
+        "controller": [{"name": law.name, "law": base}],
+    }
+    return replace(experiment, file=case_file_of(content, experiment.path), chosen=())
 
 
 def _paths(table: Content, law: StudiedLaw) -> Iterator[str]:
@@ -153,7 +159,7 @@ def _paths(table: Content, law: StudiedLaw) -> Iterator[str]:
         yield from (*_PID_GAINS, "filter")
         return
     for key, value in table.items():
-        if key in _DECLARED and is_number(value):
+        if key in _RANGES and is_number(value):
             yield key
     uncertainty = table.get("uncertainty")
     if isinstance(uncertainty, dict):
@@ -164,79 +170,33 @@ def _paths(table: Content, law: StudiedLaw) -> Iterator[str]:
             yield "uncertainty.reaching_rate"
 
 
-def _number(
-    experiment: Experiment,
-    law: StudiedLaw,
-    table: Content,
-    path: str,
-    ends: tuple[str, str] | None,
+def _tuned_number(
+    case: Experiment, base: str, law: StudiedLaw, path: str, ends: _Ends | None
 ) -> TunedNumber:
     """Return a number with its range.
 
     Args:
-        experiment: Experiment of the target.
+        case: Experiment with the law as its only controller.
+        base: Name of its table.
         law: The law.
-        table: Its table.
-        path: Place of the number in the table.
-        ends: Ends of the range as texts; None for the declared range.
+        path: Path of the number in the table.
+        ends: Ends of the range; None for the usual range.
     """
-    start = _start(experiment, law, table, path)
-    declared = _DECLARED.get(str(keys_of(path)[-1]), _Declared(math.nan, math.nan))
-    if ends is not None:
-        low, high = (typed_number(end, declared.unit) for end in ends)
-        if not low < high:
-            raise ArgumentError(f"the range {ends[0]}..{ends[1]} must rise")
-        logarithmic = low > 0
-        least = 0.0 if logarithmic else -math.inf
-        return TunedNumber(
-            path, start, low, high, least, unit=declared.unit, logarithmic=logarithmic
-        )
+    shown = f"laws.{law.name}.{path}"
+    try:
+        number = Number.of(case, f"laws.{base}.{path}")
+    except ArgumentError as error:
+        raise ArgumentError(str(error).replace(f"laws.{base}.{path}", shown)) from None
+    with placed(f"{shown}: "):
+        start = number.get(case)
+        if ends is not None:
+            low, high = (typed_number(end, number.unit) for end in ends)
+            if not low < high:
+                raise ArgumentError(f"the range {ends.low}..{ends.high} must rise")
+            return TunedNumber(path, number, start, low, high, logarithmic=low > 0)
 
-    low, high = declared.low, declared.high
-    if path.startswith("Q["):
-        low, high = _WEIGHT_RANGE
-    elif math.isnan(low):
-        if start is None or not start > 0:
-            raise ArgumentError("nothing tells its range: write NUMBER=LOW..HIGH")
-        low, high = start / _SPREAD, start * _SPREAD
-    return TunedNumber(path, start, low, high, unit=declared.unit).including(start)
-
-
-def _start(experiment: Experiment, law: StudiedLaw, table: Content, path: str) -> float | None:
-    """Return the value of a number in the file; None if the file has none.
-
-    Raises:
-        ArgumentError: If the law has no such number.
-    """
-    key, *inner = keys_of(path)
-    if key == "Q" and inner:
-        weight = np.diag(law.controller.designed.lqr.Q)
-        require_known("entry of Q", path, [f"Q[{i + 1}]" for i in range(len(weight))])
-        return float(weight[inner[0]])
-
-    value: Any = table
-    for name in (key, *inner):
-        value = _entry(value, name)
-    if is_number(value):
-        return float(value)
-    if value is not None:
-        raise ArgumentError(f"{value_text(value)} is no number")
-    if is_named(table["law"]) or inner:
-        raise ArgumentError(f"law {law.name} has no such number")
-
-    maker = laws_of(experiment.nominal).get(table["law"])
-    valid = list(inspect.signature(maker).parameters)[1:] if maker else []
-    require_known("number", key, valid)
-    gain = getattr(law.controller.parameters, key, None)
-    if table["law"] == "pid" and gain is not None:
-        return float(np.ravel(gain)[0])
-    return None
-
-
-def _entry(owner: Any, key: Any) -> Any:
-    """Return an entry of a table or a list; None if there is none."""
-    if isinstance(owner, dict):
-        return owner.get(key)
-    if isinstance(owner, list) and isinstance(key, int) and 0 <= key < len(owner):
-        return owner[key]
-    return None
+        usual = _RANGES.get(path.partition("[")[0])
+        if usual is None and not start > 0:
+            raise ArgumentError(f"it is {start:g}, so it needs a range: {shown}=LOW..HIGH")
+        low, high = usual or (start / _SPREAD, start * _SPREAD)
+        return TunedNumber(path, number, start, low, high).including_start()

@@ -216,10 +216,25 @@ class Measure:
         for item in self.conditions:
             draws = range(first, first + count) if item.drawn else range(1)
             outcomes = self.outcomes([law], item, draws)
-            runs = [outcomes.verdict(row, draw=number) for row, number in enumerate(draws)]
+            runs = [
+                self._counted(outcomes.verdict(row, draw=number), item)
+                for row, number in enumerate(draws)
+            ]
             verdict = over_draws(runs)
             shares = {
                 name: max(run.shares.get(name, math.inf) for run in runs) for name in verdict.shares
             }
             verdicts.append(verdict.changed(law=self.law.name, condition=item.name, shares=shares))
         return verdicts
+
+    def _counted(self, verdict: Verdict, item: TuningCondition) -> Verdict:
+        """Return a verdict whose tightest limit is one that a run can fail, if there is any."""
+        shares = {
+            name: share
+            for name, share in verdict.shares.items()
+            if name not in self.unfailing[item.name]
+        }
+        if verdict.impossible or verdict.ended or not shares or not verdict.kept:
+            return verdict
+        tightest = max(shares, key=lambda name: shares[name])
+        return verdict.changed(share=shares[tightest], tightest=tightest)

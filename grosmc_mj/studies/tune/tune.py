@@ -346,10 +346,10 @@ class LawTuning:
         grown = {coordinate for coordinate, _ in ranges.grown}
         return [
             TunedNumberRow(
-                path=number.path,
-                unit=number.unit,
+                path=number.name,
+                unit=number.number.unit,
                 before=number.start,
-                after=values[number.path],
+                after=values[number.name],
                 low=number.value(float(ranges.low[index])),
                 high=number.value(float(ranges.high[index])),
                 grown=index in grown,
@@ -407,9 +407,9 @@ def _conditions(experiment: Experiment, names: Sequence[str], draws: int) -> lis
     parts = experiment.parts
     edits = tuple(edit for edit in experiment.edits if edit not in parts)
     conditions = {}
-    for bare in conditions_of(experiment.varied(loop=None, edits=edits)):
+    for bare in conditions_of(experiment.changed(loop=None, edits=edits)):
         case = bare.experiment
-        built = case.varied(loop=experiment.loop, edits=(*case.edits, *parts))
+        built = case.changed(loop=experiment.loop, edits=(*case.edits, *parts))
         conditions[bare.name] = Condition(bare.name, bare.title, built)
 
     for name in names:
