@@ -205,7 +205,7 @@ def test_results_have_the_name_of_their_case(tmp_path: Path) -> None:
 
 def test_commands_stand_in_the_order_of_their_use() -> None:
     first = "new run campaign film view validate claims study"
-    second = "identify compare predict export report diff list"
+    second = "tune identify compare predict export report diff list"
     assert list(COMMANDS) == [*first.split(), *second.split()]
 
 

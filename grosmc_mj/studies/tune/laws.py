@@ -16,7 +16,7 @@ from grosmc_mj.experiments.file.user_code import is_named
 from grosmc_mj.experiments.number import Number
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.errors import ArgumentError, placed, value_text
-from grosmc_mj.ground.units import is_number, typed_number
+from grosmc_mj.ground.units import is_number, si_number
 from grosmc_mj.studies.target import StudiedLaw, chosen_laws
 from grosmc_mj.studies.tune.numbers import TunableLaw, TunedNumber
 
@@ -190,7 +190,7 @@ def _tuned_number(
     with placed(f"{shown}: "):
         start = number.get(case)
         if ends is not None:
-            low, high = (typed_number(end, number.unit) for end in ends)
+            low, high = (_typed(end, number.unit) for end in ends)
             if not low < high:
                 raise ArgumentError(f"the range {ends.low}..{ends.high} must rise")
             return TunedNumber(path, number, start, low, high, logarithmic=low > 0)
@@ -200,3 +200,11 @@ def _tuned_number(
             raise ArgumentError(f"it is {start:g}, so it needs a range: {shown}=LOW..HIGH")
         low, high = usual or (start / _SPREAD, start * _SPREAD)
         return TunedNumber(path, number, start, low, high).including_start()
+
+
+def _typed(text: str, unit: str) -> float:
+    """Return an end of a range; as in a file, its unit may be left out."""
+    try:
+        return si_number(float(text), unit)
+    except ValueError:
+        return si_number(text, unit)
