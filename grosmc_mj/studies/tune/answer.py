@@ -40,6 +40,8 @@ from grosmc_mj.studies.tune.tune import TunedLaw, TunedNumberRow, TuneStudy
 LEGEND = (
     "Share: measured over allowed value, in the worst of the other draws; above 1 it is not kept."
 )
+# Share of a requirement's least share that counts as less, in parts of that at the best design.
+_NOTABLY_LESS = 0.9
 # Digits of a tuned number in a case file: its last percent decides nothing.
 _DIGITS = 6
 
@@ -63,21 +65,20 @@ class Conflict(NamedTuple):
 
     Attributes:
         binding: The tightest at the best design.
-        other: The tightest at the design that is the best without it.
-        price: Share that this design uses of the first.
+        least: Least share of it that a design uses.
+        other: The tightest at that design.
     """
 
     binding: Binding
+    least: float
     other: Binding
-    price: float
 
     @property
     def words(self) -> str:
         """The conflict in a sentence."""
         return (
-            f"{self.binding.words} and {self.other.words} fight each other: without the first, "
-            f"{number(self.other.share)} of the second's limit is reached, at "
-            f"{number(self.price)} of the first's"
+            f"{self.binding.words} and {self.other.words} fight each other: the first alone comes "
+            f"to {number(self.least)} of its limit, at {number(self.other.share)} of the second's"
         )
 
 
@@ -96,30 +97,19 @@ def binding(shares: Mapping[tuple[str, str], float]) -> Binding:
     return Binding(condition, requirement, shares[condition, requirement])
 
 
-def conflict(row: TunedLaw, unfailing: Iterable[tuple[str, str]] = ()) -> Conflict | None:
-    """Return the two requirements that fight each other; None with less than two.
+def conflict(row: TunedLaw) -> Conflict | None:
+    """Return the two requirements that fight each other; None if only one is in the way.
 
-    Args:
-        row: The row of a law.
-        unfailing: Conditions with requirements that no run can fail.
+    The tightest requirement at the best design fights the one that is the tightest where it alone
+    is kept best.
     """
-    best = _counted(row.designs[row.best], unfailing)
-    if len(best) < 2:
-        return None
-    first = binding(best)
+    first = binding(_counted(row.designs[row.best], row.unfailing))
     key = first.condition, first.requirement
-
-    designs = [_counted(design, unfailing) for design in row.designs if design.complete]
-    without = [
-        (max(share for other, share in shares.items() if other != key), shares)
-        for shares in designs
-        if key in shares
-    ]
-    _, shares = min(without, key=lambda pair: pair[0])
-    other = binding({name: share for name, share in shares.items() if name != key})
-    if shares[key] <= first.share:
+    designs = [_counted(design, row.unfailing) for design in row.designs if design.complete]
+    shares = min(designs, key=lambda shares: shares.get(key, math.inf))
+    if shares.get(key, math.inf) > _NOTABLY_LESS * first.share:
         return None
-    return Conflict(first, other, shares[key])
+    return Conflict(first, shares[key], binding(shares))
 
 
 def _counted(
@@ -147,7 +137,7 @@ def _answer(study: TuneStudy, row: TunedLaw) -> Answer:
             f"None found for {row.law} in {runs}; nearest: {bound.words} "
             f"{_times(row.share)} its limit"
         )
-        found = conflict(row, row.unfailing)
+        found = conflict(row)
         if found is not None:
             more = f"{row.law}: {found.words}."
     else:
@@ -485,7 +475,7 @@ def _values(study: TuneStudy, rows: Sequence[TunedLaw]) -> Iterator[Value]:
 
 def _law_document(row: TunedLaw) -> dict[str, Any]:
     """Row of a law as plain values."""
-    found = conflict(row, row.unfailing)
+    found = conflict(row)
     return {
         **row.model_dump(exclude={"designs", "unfailing"}),
         "found": row.found,

@@ -1,0 +1,286 @@
+"""Numbers of a law are found that keep all, judged on draws of no search, and written."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import Screen, run
+from tune_cases import LAG, write_block, write_case
+
+from grosmc_mj import Experiment
+from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.studies.study import CellRunner
+from grosmc_mj.studies.tune.answer import binding, conflict, shares_of
+from grosmc_mj.studies.tune.shares import Measure, TriedDesign
+from grosmc_mj.studies.tune.tune import TunedLaw, TuneStudy, tune_study
+
+BLOCK_NUMBERS = ("laws.mine.frequency=0.2..20", "laws.mine.damping=0.2..2")
+LAG_NUMBERS = ("laws.mine.kp=0.1..10", "laws.mine.ki=0.05..10")
+
+
+def tuned(study: TuneStudy, folder: Path, *, resume: bool = False) -> TunedLaw:
+    """The row of the first law."""
+    return next(study.rows(study.cells(), CellRunner(folder, TunedLaw, resume)))
+
+
+def gridded(study: TuneStudy, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points of a grid over the ranges, and the share of each."""
+    law = study.laws[0]
+    axes = [
+        np.linspace(number.coordinate(number.low), number.coordinate(number.high), count)
+        for number in law.numbers
+    ]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+    measure = Measure(law, list(study.conditions))
+    return points, np.exp(measure.tried(points, np.full(len(points), np.inf)).values)
+
+
+# -- oracles ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("plant", ["block", "lag"])
+def test_the_best_of_a_dense_grid_is_found(tmp_path: Path, plant: str, seed: int):
+    path = write_block(tmp_path) if plant == "block" else write_case(tmp_path, LAG)
+    numbers = BLOCK_NUMBERS if plant == "block" else LAG_NUMBERS
+    study = tune_study(str(path), ["mine"], numbers, conditions=["nominal"], runs=300, seed=seed)
+    _, shares = gridded(study, 41)
+    # No better point is in so small a part of the grid that luck would do.
+    assert np.mean(shares < 1) < 0.07
+
+    row = tuned(replace(study, target_share=1e-3), tmp_path / "pieces")
+    assert row.share <= 1.02 * shares.min()
+
+
+@pytest.mark.slow
+def test_the_block_settles_no_sooner_than_bang_bang(tmp_path: Path):
+    """At most 1.5 N move 1 kg by 0.98 m, the edge of the band, in 2 sqrt(0.98/1.5) s at best."""
+    study = tune_study(str(write_block(tmp_path)), ["mine"], BLOCK_NUMBERS, runs=120)
+    row = tuned(replace(study, target_share=1e-3), tmp_path / "pieces")
+    (after,) = row.after
+    fastest = math.sqrt(2 * 0.98 / 1.5)
+    assert fastest <= 3.0 * after.shares["settles_within"] <= 1.5
+
+
+def test_what_no_numbers_keep_is_not_found(tmp_path: Path):
+    path = write_block(tmp_path, settles="0.9 s")
+    study = tune_study(str(path), ["mine"], BLOCK_NUMBERS, runs=60)
+    row = tuned(study, tmp_path / "pieces")
+    assert not row.found
+    assert not row.kept
+    assert row.share > 1
+    assert row.runs == 60
+
+
+# -- the search ------------------------------------------------------------------------------------
+
+
+def drawn_lag(folder: Path, draws: int = 3, **options: object) -> TuneStudy:
+    """The lag with late samples and an encoder, so that draws differ."""
+    encoder = '[[sensor]]\nof = "y"\nresolution = "10 mm"\n'
+    text = LAG.replace('delay = "0.3 s"', f'delay = "0.3 s"\nmissed = 0.2\n\n{encoder}')
+    study = tune_study(
+        str(write_case(folder, text)), ["mine"], LAG_NUMBERS, runs=90, draws=draws, held_out=4
+    )
+    return replace(study, target_share=1e-3, **options)
+
+
+def test_racing_finds_the_same_and_runs_less(tmp_path: Path):
+    # Two populations: after them the search without races has no runs left for a third one.
+    count = 24
+    racing, plain = (
+        tuned(drawn_lag(tmp_path, races=races), tmp_path / f"races {races}")
+        for races in (True, False)
+    )
+    assert len(racing.designs) > len(plain.designs)
+    assert not all(design.complete for design in racing.designs[:count])
+    for first, second in zip(racing.designs[:count], plain.designs[:count], strict=True):
+        assert first.point == second.point
+        if first.complete:
+            assert first.value == second.value
+        else:
+            assert first.value <= second.value
+    best = [
+        min(design.value for design in row.designs[:count] if design.complete)
+        for row in (racing, plain)
+    ]
+    assert best[0] == best[1]
+
+
+def test_a_resumed_search_is_the_same_to_the_bit(tmp_path: Path):
+    whole = tuned(drawn_lag(tmp_path), tmp_path / "whole")
+
+    class Interrupted(CellRunner[TunedLaw]):
+        """Interrupts after some batches."""
+
+    batches = 0
+
+    def progress(text: str = "", by: int = 1) -> None:
+        nonlocal batches
+        batches += 1
+        if batches == 4:
+            raise KeyboardInterrupt
+
+    study = drawn_lag(tmp_path)
+    rows = study.rows(study.cells(), Interrupted(tmp_path / "pieces", TunedLaw, True, progress))
+    partial = next(rows)
+    assert not partial.complete
+    assert partial.share == min(math.exp(d.value) for d in partial.designs if d.complete)
+    with pytest.raises(KeyboardInterrupt):
+        next(rows)
+
+    finished = set((tmp_path / "pieces").iterdir())
+    resumed = tuned(study, tmp_path / "pieces", resume=True)
+    assert finished < set((tmp_path / "pieces").iterdir())
+    assert resumed == whole
+
+
+def test_the_law_of_the_file_is_the_first_member(tmp_path: Path):
+    study = drawn_lag(tmp_path)
+    row = tuned(study, tmp_path / "pieces")
+    first = study.laws[0].values_at(np.array(row.designs[0].point))
+    assert first == pytest.approx({"kp": 0.3, "ki": 0.1})
+
+
+def test_draws_that_judge_are_none_that_were_tuned_on(tmp_path: Path):
+    study = drawn_lag(tmp_path)
+    row = tuned(study, tmp_path / "pieces")
+    (after,) = row.after
+    assert after.draws == 4
+    assert after.draw >= 1000
+
+
+# -- what an input limit and a run that ends do ----------------------------------------------------
+
+
+def test_a_limit_that_cannot_fail_has_no_part_in_the_measure(tmp_path: Path):
+    text = write_block(tmp_path).read_text() + 'input_below = "1.5 N"\n'
+    path = write_case(tmp_path, text)
+    study = tune_study(str(path), ["mine"], BLOCK_NUMBERS, runs=12)
+    measure = Measure(study.laws[0], list(study.conditions))
+    assert measure.unfailing == {"nominal": {"input_below"}}
+
+    fast = study.laws[0].designed({"frequency": 5.6, "damping": 1.17})
+    (verdict,) = measure.judged(fast, 0, 1)
+    assert verdict.shares["input_below"] == 1
+    assert verdict.tightest != "input_below"
+    assert verdict.share == max(verdict.shares["settles_within"], verdict.shares["overshoot_below"])
+
+
+def test_the_value_orders_what_never_settles(tmp_path: Path):
+    """A slower block is further away when its run ends; an undamped one is the worst."""
+    study = tune_study(str(write_block(tmp_path)), ["mine"], BLOCK_NUMBERS, runs=12)
+    frequencies = np.log10([0.8, 0.5, 0.35, 0.2])
+    points = np.column_stack([frequencies, np.zeros(4)])
+    measure = Measure(study.laws[0], list(study.conditions))
+    values = measure.tried(points, np.full(4, np.inf)).values
+    assert np.all(np.isfinite(values))
+    assert np.all(np.diff(values) > 0)
+
+
+# -- requirements that fight -----------------------------------------------------------------------
+
+
+def tried(value: float, **shares: float) -> TriedDesign:
+    return TriedDesign(point=[0.0], value=value, shares={"nominal": dict(shares)})
+
+
+def test_two_requirements_that_fight_are_named():
+    designs = [
+        tried(0.3, rise=1.35, overshoot=1.3),
+        tried(0.9, rise=0.2, overshoot=2.5),
+        tried(1.4, rise=4.0, overshoot=0.1),
+    ]
+    row = TunedLaw(law="mine", numbers=[], share=1.35, history=[], designs=designs, best=0, runs=3)
+    assert binding(shares_of(designs[0])).requirement == "rise"
+    found = conflict(row)
+    assert found is not None
+    assert (found.binding.requirement, found.other.requirement) == ("rise", "overshoot")
+    assert (found.least, found.other.share) == (0.2, 2.5)
+
+
+def test_a_requirement_that_nothing_helps_fights_no_other():
+    designs = [tried(0.3, rise=1.35, overshoot=1.3), tried(0.9, rise=1.34, overshoot=2.5)]
+    row = TunedLaw(law="mine", numbers=[], share=1.35, history=[], designs=designs, best=0, runs=2)
+    assert conflict(row) is None
+
+
+# -- the command -----------------------------------------------------------------------------------
+
+
+def test_the_command_writes_a_case_that_passes(tmp_path: Path, capsys: Screen):
+    path = write_block(tmp_path)
+    out = tmp_path / "out"
+    assert run("run", path, "--out", out) == 1
+    capsys.readouterr()
+    assert run("tune", path, "--law", "mine", "--runs", 60, "--out", out) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("mine keeps all: ")
+
+    written = tmp_path / "mine_tuned.toml"
+    assert str(written) in printed
+    assert Experiment.load(written).controllers == ["mine"]
+    assert run("run", written, "--out", out) == 0
+
+    result = out / "tune_mine.json"
+    assert json.loads(result.read_text())["laws"][0]["kept"]
+    assert (out / "tune_mine.png").stat().st_size > 0
+    assert run("report", result, "--output", out / "page.html") == 0
+    assert run("diff", result, result) == 0
+
+
+def test_the_command_says_how_near_the_nearest_came(tmp_path: Path, capsys: Screen):
+    path = write_block(tmp_path, settles="0.9 s")
+    assert run("tune", path, "--law", "mine", "--runs", 60, "--out", tmp_path) == 1
+    printed = capsys.readouterr().out
+    assert printed.startswith("None found for mine in 60 runs; nearest: settles within 1.")
+    assert "impossible" not in printed
+
+
+WRONG = {
+    "reversed": (["laws.mine.damping=2..0.2"], "laws.mine.damping: the range 2..0.2 must rise"),
+    "unit": (
+        ["laws.mine.frequency=1 m..2 m"],
+        'laws.mine.frequency: "1 m" cannot be converted to rad/s',
+    ),
+    "unknown number": (["laws.mine.dumping=1..2"], "laws.mine.dumping"),
+    "unknown law": (["laws.your.damping=1..2"], "unknown law 'your'"),
+    "form": (["damping"], "must be laws.NAME.NUMBER=LOW..HIGH"),
+    "no number": (["laws.mine.damping=a..b"], "laws.mine.damping: 'a' must be a number"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_numbers_are_refused_in_a_line(tmp_path: Path, name: str):
+    numbers, line = WRONG[name]
+    with pytest.raises(ArgumentError, match=line.replace("[", r"\[")) as refused:
+        tune_study(str(write_block(tmp_path)), ["mine"], numbers)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        ({"conditions": ["case7"]}, "unknown condition 'case7'"),
+        ({"runs": 0}, "--runs 0 must be 1 at least"),
+    ],
+)
+def test_wrong_options_are_refused_in_a_line(
+    tmp_path: Path, options: dict[str, Sequence[str]], line: str
+):
+    with pytest.raises(ArgumentError, match=line):
+        tune_study(str(write_block(tmp_path)), ["mine"], BLOCK_NUMBERS, **options)  # pyright: ignore[reportArgumentType]
+
+
+def test_a_law_that_cannot_be_designed_in_its_ranges_is_refused(tmp_path: Path):
+    numbers = ["laws.lqr.Q[1]=-9..-1", "laws.lqr.Q[2]=-9..-1"]
+    study = tune_study("servo/nominal", ["lqr"], numbers, conditions=["nominal"], runs=40)
+    with pytest.raises(ArgumentError, match="law lqr: none of 12 designs within the ranges"):
+        tuned(study, tmp_path)
