@@ -99,12 +99,13 @@ class TuneCommand(StudyCommand["TuneStudy", "TunedLaw"]):
     def draw(self, study: TuneStudy, rows: Sequence[TunedLaw], path: Path) -> Sequence[Path]:
         """Draw the figure and write the tuned case file."""
         from grosmc_mj.ground.files import write_whole
-        from grosmc_mj.output.charts.charts import write_panels
+        from grosmc_mj.output.charts.figure import write_chart
+        from grosmc_mj.output.charts.of_results import panels_chart
         from grosmc_mj.studies.tune.answer import case_text, charts, tuned_path
 
         figure = path.with_suffix(".png")
         title = f"{study.target}: tuned laws"
-        write_panels(figure, title, [charts(row) for row in rows])
+        write_chart(panels_chart(title, [charts(row) for row in rows]), figure)
 
         case = tuned_path(study, self.out, result_name(study.case.path))
         write_whole(case, case_text(study, rows))
