@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from grosmc_mj.experiments.file.parts import MACHINE_PARTS, edits_of, scales_of
 from grosmc_mj.experiments.file.schema import CaseFile
@@ -18,7 +18,6 @@ from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.errors import ArgumentError, PremiseError, SetupError, value_text
 from grosmc_mj.mechanics.physics.edit import Edit
 from grosmc_mj.mechanics.physics.mujoco_plant import Integrator, MujocoPlant
-from grosmc_mj.mechanics.robots.robot import Robot
 from grosmc_mj.theory.plants import (
     SYSTEMS,
     AnalyticPlant,
@@ -29,6 +28,9 @@ from grosmc_mj.theory.plants import (
     equilibrium,
     find_system,
 )
+
+if TYPE_CHECKING:
+    from grosmc_mj.mechanics.robots.robot import Robot
 
 PlantName = Literal["printed", "corrected", "physics"]
 
@@ -181,7 +183,7 @@ def _with_known(nominal: NominalPlant, edits: tuple[Edit, ...]) -> NominalPlant:
     robot = nominal.robot
     if robot is not None:
         built = plant if robot.built is robot.plant else robot.built.changed(*edits, known=True)
-        robot = Robot(plant, robot.notes, built, robot.gears)
+        robot = replace(robot, plant=plant, built=built)
     return replace(nominal, plant=plant, robot=robot)
 
 
@@ -218,6 +220,10 @@ def _named_without_design(file: CaseFile, folder: Path) -> NominalPlant:
     table = file.plant
     if table.system is not None:
         return _of_system(find_system(table.system).name)
+
+    # Imported here: most files have no robot.
+    from grosmc_mj.mechanics.robots.robot import Robot
+
     if table.model is not None:
         path = _model_file(table.model, folder)
         plant: Any = Robot.from_mjcf(path, table.joints, table.actuators)
@@ -288,6 +294,9 @@ def _load_plant(text: str, folder: Path) -> Any:
             raise ArgumentError(f"{text} must be called without arguments: {error}") from None
         with blamed(folder):
             plant = plant()
+
+    from grosmc_mj.mechanics.robots.robot import Robot
+
     if not isinstance(plant, (AnalyticPlant, MujocoPlant, Robot)):
         raise ArgumentError(
             f"{text} is a {type(plant).__name__}, must be a plant: what affine_plant, MujocoPlant "

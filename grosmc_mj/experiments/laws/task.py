@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import sympy as sp
 
@@ -19,13 +19,15 @@ from grosmc_mj.experiments.laws.request import LawRequest
 from grosmc_mj.experiments.plants import NominalPlant
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, PremiseError, placed, unknown_name
-from grosmc_mj.mechanics.robots.robot import Robot
 from grosmc_mj.theory.control.coordinates.feedback_linearization import feedback_linearization
 from grosmc_mj.theory.control.coordinates.symbolic import ErrorCoordinates, error_names
 from grosmc_mj.theory.control.references import TIME, ReferenceFunction, reference
 from grosmc_mj.theory.control.task import NoNumbers, Task, state_task
 from grosmc_mj.theory.plants import AnalyticPlant, OperatingPoint, System
 from grosmc_mj.theory.plants.two_link_arm import tip
+
+if TYPE_CHECKING:
+    from grosmc_mj.mechanics.robots.robot import Robot
 
 # Further outputs of a system.
 OUTPUTS: Mapping[str, Mapping[str, Callable[[], Any]]] = {"two_link_arm": {"tip": tip}}
