@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import logging
 import math
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache, partial
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import (
@@ -23,9 +22,6 @@ from pydantic import (
 
 from grosmc_mj.ground.errors import ArgumentError, Mistakes, value_text
 
-if TYPE_CHECKING:
-    import pint
-
 # An example for messages, by the unit that is wanted.
 _EXAMPLES = {"s": "6 s", "rad": "10 deg", "m": "5 cm", "N": "2 N", "N m": "0.5 N m", "kg": "1 kg"}
 # Size of a number at most: costs have its square, times a weight and summed over a run.
@@ -35,34 +31,146 @@ _PER_SECOND = re.compile(r"/s(?:\^(\d))?$")
 _NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)", re.DOTALL)
 
 
-# -- common units ----------------------------------------------------------------------------------
+# -- names of units --------------------------------------------------------------------------------
 
-# Factor and base units of common units, which need not wait for pint to load. A radian is a base
-# unit here, so that no angle is taken for a number without a unit; any other name is a unit of its
-# own, such as one of a user's plant.
-_COMMON = {
+# Units that take prefixes, with factor and base units. A radian is a base unit here, so that no
+# angle is taken for a number without a unit, and a volt, whose name people know.
+_WITH_PREFIXES = {
     "s": (1.0, "s"),
-    "ms": (1e-3, "s"),
-    "us": (1e-6, "s"),
     "rad": (1.0, "rad"),
-    "mrad": (1e-3, "rad"),
-    "urad": (1e-6, "rad"),
-    "deg": (math.pi / 180, "rad"),
-    "Hz": (2 * math.pi, "rad/s"),
     "m": (1.0, "m"),
-    "cm": (1e-2, "m"),
-    "mm": (1e-3, "m"),
-    "um": (1e-6, "m"),
-    "kg": (1.0, "kg"),
     "g": (1e-3, "kg"),
-    "N": (1.0, "kg m/s^2"),
-    "mN": (1e-3, "kg m/s^2"),
-    "kN": (1e3, "kg m/s^2"),
     "A": (1.0, "A"),
-    "mA": (1e-3, "A"),
     "V": (1.0, "V"),
-    "mV": (1e-3, "V"),
+    "K": (1.0, "K"),
+    "Hz": (2 * math.pi, "rad/s"),
+    "N": (1.0, "kg m/s^2"),
+    "Nm": (1.0, "kg m^2/s^2"),
+    "J": (1.0, "kg m^2/s^2"),
+    "W": (1.0, "kg m^2/s^3"),
+    "Pa": (1.0, "kg/m/s^2"),
+    "ohm": (1.0, "V/A"),
+    "F": (1.0, "A s/V"),
+    "H": (1.0, "V s/A"),
+    "C": (1.0, "A s"),
+    "T": (1.0, "V s/m^2"),
+    "Wb": (1.0, "V s"),
 }
+_PREFIXES = {
+    "p": 1e-12,
+    "n": 1e-9,
+    "u": 1e-6,
+    "µ": 1e-6,
+    "m": 1e-3,
+    "c": 1e-2,
+    "d": 1e-1,
+    "da": 1e1,
+    "h": 1e2,
+    "k": 1e3,
+    "M": 1e6,
+    "G": 1e9,
+    "T": 1e12,
+}
+_POUND = 0.45359237
+_GRAVITY = 9.80665
+_WITHOUT_PREFIXES = {
+    "kg": (1.0, "kg"),
+    "deg": (math.pi / 180, "rad"),
+    "°": (math.pi / 180, "rad"),
+    "arcmin": (math.pi / 180 / 60, "rad"),
+    "arcsec": (math.pi / 180 / 3600, "rad"),
+    "turn": (2 * math.pi, "rad"),
+    "rev": (2 * math.pi, "rad"),
+    "rpm": (2 * math.pi / 60, "rad/s"),
+    "min": (60.0, "s"),
+    "h": (3600.0, "s"),
+    "day": (86400.0, "s"),
+    "inch": (0.0254, "m"),
+    "ft": (0.3048, "m"),
+    "lb": (_POUND, "kg"),
+    "oz": (_POUND / 16, "kg"),
+    "lbf": (_POUND * _GRAVITY, "kg m/s^2"),
+    "ozf": (_POUND * _GRAVITY / 16, "kg m/s^2"),
+    "kgf": (_GRAVITY, "kg m/s^2"),
+    "psi": (_POUND * _GRAVITY / 0.0254**2, "kg/m/s^2"),
+    "bar": (1e5, "kg/m/s^2"),
+    "l": (1e-3, "m^3"),
+    "%": (1e-2, "1"),
+}
+# Other spellings of units and prefixes; names that are words have a plural, too.
+_SPELLINGS = {"Ω": "ohm", "Ohm": "ohm", "in": "inch", "hr": "h", "amp": "A", "feet": "ft"}
+_WORDS = {
+    "second": "s",
+    "radian": "rad",
+    "meter": "m",
+    "metre": "m",
+    "gram": "g",
+    "ampere": "A",
+    "volt": "V",
+    "kelvin": "K",
+    "hertz": "Hz",
+    "newton": "N",
+    "joule": "J",
+    "watt": "W",
+    "pascal": "Pa",
+    "ohm": "ohm",
+    "farad": "F",
+    "henry": "H",
+    "coulomb": "C",
+    "tesla": "T",
+    "weber": "Wb",
+    "degree": "deg",
+    "turn": "turn",
+    "revolution": "rev",
+    "minute": "min",
+    "hour": "h",
+    "inche": "inch",
+    "foot": "ft",
+    "pound": "lb",
+}
+_PREFIX_WORDS = {
+    "nano": "n",
+    "micro": "u",
+    "milli": "m",
+    "centi": "c",
+    "kilo": "k",
+    "mega": "M",
+    "giga": "G",
+}
+# Base units here that physics has in other ones: an angle has no dimension.
+_DIMENSIONS: dict[str, tuple[tuple[str, int], ...]] = {
+    "rad": (),
+    "V": (("A", -1), ("kg", 1), ("m", 2), ("s", -3)),
+}
+
+
+def _definition(name: str) -> tuple[float, str] | None:
+    """Return factor and base units of a name; None for one that is not known."""
+    name = _SPELLINGS.get(name, name)
+    if name in _WITHOUT_PREFIXES:
+        return _WITHOUT_PREFIXES[name]
+    if name in _WITH_PREFIXES:
+        return _WITH_PREFIXES[name]
+
+    for prefix, share in _PREFIXES.items():
+        symbol = name.removeprefix(prefix)
+        symbol = _SPELLINGS.get(symbol, symbol)
+        if name.startswith(prefix) and symbol in _WITH_PREFIXES:
+            factor, base = _WITH_PREFIXES[symbol]
+            return share * factor, base
+    return _definition_of_word(name)
+
+
+def _definition_of_word(name: str) -> tuple[float, str] | None:
+    """Return factor and base units of a name such as ``millimetres``; None for none."""
+    for word, prefix in {"": "", **_PREFIX_WORDS}.items():
+        singular = name.removeprefix(word).removesuffix("s")
+        for known in (singular, name.removeprefix(word)):
+            if name.startswith(word) and known in _WORDS:
+                return _definition(prefix + _WORDS[known])
+    return None
+
+
 # -- units as text ---------------------------------------------------------------------------------
 
 _SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹"
@@ -185,6 +293,21 @@ class Unit:
         present = [item for item in powers.items() if item[1]]
         return Unit(self.factor * other.factor**power, tuple(sorted(present)))
 
+    @property
+    def dimension(self) -> tuple[tuple[str, int], ...]:
+        """Powers of the base units of physics, in which an angle is a number."""
+        powers = Counter[str]()
+        for name, exponent in self.powers:
+            for base, power in _DIMENSIONS.get(name, ((name, 1),)):
+                powers[base] += exponent * power
+        return tuple(sorted(item for item in powers.items() if item[1]))
+
+    def factor_to(self, other: Unit) -> float | None:
+        """Return the factor from this unit to another one; None for another dimension."""
+        if self.dimension != other.dimension:
+            return None
+        return self.factor / other.factor
+
     def __str__(self) -> str:
         """Write the base units."""
         above = [_power_text(name, power) for name, power in self.powers if power > 0]
@@ -192,13 +315,14 @@ class Unit:
         return (" ".join(above) or "1") + "".join(below)
 
 
+# The units of a formula and of a case file are few, and each stands in it many times.
+@cache
 def _simple(name: str) -> Unit:
-    """Return the unit of one name."""
-    if name not in _COMMON:
+    """Return the unit of one name; one that is not known is a unit of its own."""
+    known = _definition(name)
+    if known is None or known[1] == name:
         return Unit(1.0, ((name, 1),))
-    factor, base = _COMMON[name]
-    if base == name:
-        return Unit(1.0, ((name, 1),))
+    factor, base = known
     return Unit(factor, Unit.of(base).powers)
 
 
@@ -208,12 +332,15 @@ def _power_text(name: str, power: int) -> str:
 
 
 def unit_pattern(*units: str) -> str:
-    """Return a regular expression for common units and further ones, alone or multiplied."""
-    names = set(_COMMON)
+    """Return a regular expression for known units and further ones, alone or multiplied."""
+    prefixes = "|".join(sorted(_PREFIXES, key=len, reverse=True))
+    names = [*_WITHOUT_PREFIXES, *_SPELLINGS]
     for unit in units:
-        names.update(name for name, _ in _named_powers(unit) or ())
-    longest_first = sorted(names, key=len, reverse=True)
-    one = rf"(?:{'|'.join(map(re.escape, longest_first))})(?:{_POWER})?"
+        names += [name for name, _ in _named_powers(unit) or ()]
+    fixed = "|".join(map(re.escape, sorted(set(names), key=len, reverse=True)))
+    symbols = "|".join(sorted(_WITH_PREFIXES, key=len, reverse=True))
+    # A name ends where no further letter follows: "m" is none of the "min" of a function.
+    one = rf"(?:{fixed}|(?:{prefixes})?(?:{symbols}))(?![^\W\d_{_SUPERSCRIPTS}])(?:{_POWER})?"
     product = rf"{one}(?:[ */·]{one})*"
     return rf"{product}(?:[*/·]\({product}\))?(?![\w^])"
 
@@ -226,40 +353,7 @@ def rate_unit(unit: str) -> str:
     return f"{unit[: match.start()]}/s^{int(match[1] or 1) + 1}"
 
 
-def _factor_between(written: str, unit: str) -> float | None:
-    """Return the factor from one unit to another of the same names; None where pint must tell."""
-    first = Unit.of(written)
-    second = Unit.of(unit)
-    if first.powers != second.powers:
-        return None
-    return first.factor / second.factor
-
-
-def _for_pint(unit: str) -> str:
-    """Write a unit as a product of powers: pint knows names, and reads no text."""
-    named = _named_powers(unit)
-    if not named:
-        return unit
-    return " * ".join(f"{name}**{power}" for name, power in named)
-
-
 # -- numbers with units ----------------------------------------------------------------------------
-
-
-# Reads a file of units.
-@cache
-def _registry() -> pint.UnitRegistry:
-    """Return pint's units, with one hertz as a turn a second.
-
-    Angles have no dimension for pint, which would make 1 Hz one radian a second.
-    """
-    # Imported where it is needed: it loads slowly, and few files need it.
-    import pint
-
-    logging.getLogger("pint.util").setLevel(logging.ERROR)
-    registry = pint.UnitRegistry()
-    registry.define("hertz = turn / second = Hz")
-    return registry
 
 
 def is_number(value: Any) -> bool:
@@ -336,13 +430,18 @@ def number_in(value: Any, unit: str) -> float:
             f'"{text}": {value_text(written)} is no unit; write it as in "{example}"'
         )
 
-    factor = _factor_between(written, unit)
-    if factor is not None:
-        return _finite(number * factor, value)
-    try:
-        return _finite(_converted(number, written, unit), value)
-    except _UnitError as error:
-        raise ArgumentError(f'"{text}"{error}: write it as in "{example}"') from None
+    factor = Unit.of(written).factor_to(Unit.of(unit))
+    if factor is None:
+        reason = f" cannot be converted to {unit}"
+        if _unknown_names(written) - _unknown_names(unit):
+            reason = f": {value_text(written)} is no unit"
+        raise ArgumentError(f'"{text}"{reason}: write it as in "{example}"')
+    return _finite(number * factor, value)
+
+
+def _unknown_names(unit: str) -> set[str]:
+    """Return the names in a unit that are no unit of this package's."""
+    return {name for name, _ in _named_powers(unit) or () if _definition(name) is None}
 
 
 def typed_number(text: str, unit: str) -> float:
@@ -379,24 +478,6 @@ def si_number(value: Any, unit: str) -> float:
     if is_number(value):
         return _finite(float(value), value)
     return number_in(value, unit)
-
-
-class _UnitError(Exception):
-    """The end of a message about a unit that pint cannot convert."""
-
-
-def _converted(number: float, written: str, unit: str) -> float:
-    """Convert a number by pint from the written unit to another one."""
-    from pint import DimensionalityError
-
-    try:
-        quantity = _registry().Quantity(number, _registry().parse_units(_for_pint(written)))
-        return float(quantity.to(_for_pint(unit)).magnitude)
-    except DimensionalityError:
-        raise _UnitError(f" cannot be converted to {unit}") from None
-    # pint has no common class of errors for text that it cannot read.
-    except Exception:
-        raise _UnitError(f": {value_text(written)} is no unit") from None
 
 
 def _positive(seconds: float) -> float:

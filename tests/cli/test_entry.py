@@ -77,7 +77,7 @@ from grosmc_mj.cli import main
 
 heavy = {"numpy", "mujoco", "numba", "sympy", "scipy", "pydantic", "matplotlib"}
 unused = {
-    "matplotlib", "control", "pint", "scipy.stats", "scipy.optimize", "pyarrow", "dask", "loky"
+    "matplotlib", "control", "scipy.stats", "scipy.optimize", "pyarrow", "dask", "loky"
 }
 
 def imported(libraries, *arguments):

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy import constants
 
 from grosmc_mj.experiments.requirements.temporal_text import read_formula
 from grosmc_mj.ground.errors import ArgumentError
@@ -46,13 +47,46 @@ def test_a_printed_unit_is_read_as_itself(unit) -> None:
     [
         ("5 mV/(deg/s)", "V s/rad", 5e-3 * 180 / math.pi),
         ("2 cm/s²", "m/s^2", 0.02),
-        # Names that pint knows, in a text that it does not read.
         ("1 lbf/(ft/s)", "N s/m", 4.4482216152605 / 0.3048),
         ("3 kΩ", "V/A", 3e3),
+        ("60 rpm", "rad/s", 2 * math.pi),
+        ("2 kHz", "rad/s", 4e3 * math.pi),
+        ("2 millimetres", "m", 2e-3),
+        ("3 hours", "s", 10800.0),
+        ("7.5 °/s", "rad/s", 7.5 * math.pi / 180),
+        ("50 %/s", "1/s", 0.5),
+        ("2 µNm", "N m", 2e-6),
+        # A constant of a motor, from its voltage; an angle has no dimension.
+        ("0.05 V s/rad", "N m/A", 0.05),
+        ("10 N m", "N m/rad", 10.0),
     ],
 )
 def test_a_bracket_and_a_power_are_converted(value, unit, number) -> None:
     assert number_in(value, unit) == pytest.approx(number, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "value"),
+    [
+        ("deg", "rad", constants.degree),
+        ("arcmin", "rad", constants.arcmin),
+        ("arcsec", "rad", constants.arcsec),
+        ("min", "s", constants.minute),
+        ("h", "s", constants.hour),
+        ("day", "s", constants.day),
+        ("inch", "m", constants.inch),
+        ("ft", "m", constants.foot),
+        ("lb", "kg", constants.pound),
+        ("oz", "kg", constants.oz),
+        ("lbf", "N", constants.lbf),
+        ("kgf", "N", constants.kgf),
+        ("psi", "Pa", constants.psi),
+        ("bar", "Pa", constants.bar),
+        ("l", "m^3", constants.liter),
+    ],
+)
+def test_a_unit_has_its_value_in_the_tables_of_scipy(name, unit, value) -> None:
+    assert number_in(f"1 {name}", unit) == pytest.approx(value, rel=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -62,6 +96,27 @@ def test_a_bracket_and_a_power_are_converted(value, unit, number) -> None:
 def test_a_text_that_is_no_unit_is_refused(written) -> None:
     with pytest.raises(ArgumentError, match="is no unit"):
         number_in(f"1 {written}", "m")
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "reason"),
+    [
+        ("1 m", "s", "cannot be converted to s"),
+        ("1 N", "N m", "cannot be converted to N m"),
+        ("1 m", "widgets", "cannot be converted to widgets"),
+        ("1 furlongs", "m", "'furlongs' is no unit"),
+        ("1 gadgets", "widgets", "'gadgets' is no unit"),
+    ],
+)
+def test_a_unit_of_another_kind_is_told_from_one_that_is_not_known(value, unit, reason) -> None:
+    with pytest.raises(ArgumentError, match=reason):
+        number_in(value, unit)
+
+
+def test_a_formula_knows_an_angle_from_a_number() -> None:
+    """A file's number of radians may be one without a unit, a comparison may not."""
+    with pytest.raises(ArgumentError, match="compares rad and a number without a unit"):
+        read_formula("a < 2", {"t": "s", "a": "rad"})
 
 
 @pytest.mark.parametrize(
