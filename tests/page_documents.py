@@ -18,7 +18,7 @@ from grosmc_mj.output.results.result import (
     LineChart,
     ReportTable,
     Series,
-    StudyVerdict,
+    Standing,
     Value,
     result,
 )
@@ -41,7 +41,7 @@ RUN = _document(
         )
     ],
     standings=[
-        StudyVerdict(
+        Standing(
             case="servo/case1",
             law="lqr",
             breaks_at="physics",
@@ -49,7 +49,7 @@ RUN = _document(
             words="stays within 2: 3 rad",
             share=1.5,
         ),
-        StudyVerdict(case="servo/case1", law="grosmc", words="stays within 2: 1 rad", share=0.5),
+        Standing(case="servo/case1", law="grosmc", words="stays within 2: 1 rad", share=0.5),
     ],
     sheets=[
         ReportTable(
@@ -67,8 +67,8 @@ LADDER = _document(
     claims=[{"claim": "servo-index", "broken_at": "friction"}],
     answers=[Answer(question="Ladder of servo", verdict="kept", words="1 of 1 laws")],
     standings=[
-        StudyVerdict(case="servo", law="lqr", breaks_at="friction", words="3 times the limit"),
-        StudyVerdict(case="servo", law="pd", words="stands so far", complete=False),
+        Standing(case="servo", law="lqr", breaks_at="friction", words="3 times the limit"),
+        Standing(case="servo", law="pd", words="stands so far", complete=False),
     ],
     sheets=[
         ReportTable(

@@ -13,7 +13,12 @@ from grosmc_mj.chapter.claims.claim import Finding
 from grosmc_mj.chapter.claims.judging import verdict_differences
 from grosmc_mj.chapter.claims.results import claim_numbers, claims_values, counts_words
 from grosmc_mj.chapter.claims.story import claims_tables
-from grosmc_mj.experiments.answer.document import run_document, run_values, verdicts_of
+from grosmc_mj.experiments.answer.document import (
+    run_document,
+    run_standings,
+    run_values,
+    verdicts_of,
+)
 from grosmc_mj.experiments.answer.tables import metric_cell
 from grosmc_mj.experiments.case_document import case_document
 from grosmc_mj.experiments.experiment import Experiment, RunResult
@@ -26,12 +31,11 @@ from grosmc_mj.output.results.result import (
     Answer,
     ReportTable,
     Result,
-    StudyVerdict,
+    Standing,
     Value,
     report_tables,
     result,
 )
-from grosmc_mj.output.results.standings import standings_of
 from grosmc_mj.output.results.tables import Table, number, numbers, table, words
 
 # Columns of the table of results, and the metric in each.
@@ -148,7 +152,7 @@ class Validation:
         ]
         return report_tables(tables, 2)
 
-    def _standings(self) -> Iterator[StudyVerdict]:
+    def _standings(self) -> Iterator[Standing]:
         """Verdict on each law in each case: by its requirements, else by its run on record."""
         recorded = expected_results.load_expected()["runs"]
         differing = {line.partition(": ")[0] for line in self.differing}
@@ -156,7 +160,7 @@ class Validation:
             runs = list(group)
             judgements = [judgement for run in runs for judgement in run.requirements]
             rows = verdicts_of(runs[0].case.name, runs, judgements)
-            yield from standings_of(target, rows, complete=self.complete)
+            yield from run_standings(target, rows, complete=self.complete)
 
             required = {judgement.controller for judgement in judgements}
             for run in runs:
@@ -169,13 +173,13 @@ class Validation:
         run: RunResult,
         recorded: Mapping[str, Any],
         differing: set[str],
-    ) -> StudyVerdict:
+    ) -> Standing:
         """Verdict on a law by its run in MuJoCo: its deviation beside the recorded one."""
         before = None
         if run.key in recorded:
             before = recorded[run.key]["metrics"].get("deviation")
         now = _cell(run.metrics["deviation"])
-        return StudyVerdict(
+        return Standing(
             case=target,
             law=run.controller.name,
             breaks_at="record" if run.key in differing else "",

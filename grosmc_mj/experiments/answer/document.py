@@ -25,13 +25,19 @@ from grosmc_mj.output.results.result import (
     Answer,
     ReportTable,
     Result,
+    Standing,
     Value,
     finite,
     result,
 )
-from grosmc_mj.output.results.standings import standings_of
 from grosmc_mj.output.results.tables import Table, number
-from grosmc_mj.output.results.verdicts import Verdict, verdict_of
+from grosmc_mj.output.results.verdicts import (
+    Verdict,
+    standings,
+    verdict_of,
+    worst_failed,
+    worst_of,
+)
 
 
 def experiment_result(
@@ -90,7 +96,7 @@ def experiment_result(
         seed=seed_of(experiment),
         complete=complete,
         answers=[_answer(target, results, judgements, faults, notes, complete=complete)],
-        standings=standings_of(target, verdicts, complete=complete),
+        standings=run_standings(target, verdicts, complete=complete),
         sheets=sheets,
         remarks=remarks,
         values=[*_judged_values(target, results, judgements), *run_values(results)],
@@ -182,6 +188,19 @@ def verdicts_of(
         )
         verdicts.append(row)
     return verdicts
+
+
+def run_standings(target: str, rows: Sequence[Verdict], *, complete: bool) -> Iterator[Standing]:
+    """Return where each law stands by its worst run; a law without requirements has none.
+
+    Args:
+        target: The case, SYSTEM/CASE.
+        rows: Verdicts on its runs.
+        complete: Whether nothing was interrupted.
+    """
+    return standings(
+        target, rows, worst_failed, lambda of_law: worst_of(of_law).words, complete=complete
+    )
 
 
 def _measured(item: Judgement) -> str:

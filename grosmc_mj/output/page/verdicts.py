@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from grosmc_mj.output.page.reading import CurvePanel, Curves, Document
 from grosmc_mj.output.palette import label_of
-from grosmc_mj.output.results.result import VERDICTS, Answer, Result, StudyVerdict
+from grosmc_mj.output.results.result import VERDICTS, Answer, Result, Standing
 from grosmc_mj.output.results.tables import Column, Table, number, phrases, table, verdicts
 
 # Kinds of results whose verdicts are those of single runs.
@@ -16,7 +16,7 @@ _OF_RUNS = ("run", "validation")
 MARKS = {"kept": "✓", "not kept": "✗", "measured": "•", "not decided": "?"}
 
 # Verdict on each law in each case.
-Cases = Mapping[str, Mapping[str, StudyVerdict]]
+Cases = Mapping[str, Mapping[str, Standing]]
 
 
 class Story(NamedTuple):
@@ -35,7 +35,7 @@ class Story(NamedTuple):
 
 def required_verdicts(documents: Iterable[Document]) -> Cases:
     """Return the newest verdicts of runs that requirements decide, by case and law."""
-    cases: dict[str, dict[str, StudyVerdict]] = {}
+    cases: dict[str, dict[str, Standing]] = {}
     for document in documents:
         if isinstance(document.content, Result) and document.kind in _OF_RUNS:
             for verdict in document.content.standings:
@@ -49,7 +49,7 @@ def required_verdicts(documents: Iterable[Document]) -> Cases:
 
 def systems_table(cases: Cases) -> Table:
     """Return the table of laws by systems: in how many cases a law keeps everything, and how."""
-    verdicts_of: dict[str, dict[str, list[StudyVerdict]]] = {}
+    verdicts_of: dict[str, dict[str, list[Standing]]] = {}
     systems: dict[str, None] = {}
     for case, laws in cases.items():
         system = _system_of(case)
@@ -65,7 +65,7 @@ def systems_table(cases: Cases) -> Table:
     return table("", [*phrases("law"), *_verdict_columns(systems)], rows)
 
 
-def _system_cell(cases: Sequence[StudyVerdict]) -> str:
+def _system_cell(cases: Sequence[Standing]) -> str:
     """Write in how many cases a law keeps everything, and the requirement that decides."""
     if not cases:
         return ""
@@ -119,23 +119,23 @@ def _system_of(case: str) -> str:
     return case.partition("/")[0]
 
 
-def _severity(verdict: StudyVerdict) -> tuple[bool, float]:
+def _severity(verdict: Standing) -> tuple[bool, float]:
     """Return a key by which verdicts are sorted: the worst is the largest."""
     share = math.inf if verdict.share is None else verdict.share
     return bool(verdict.breaks_at), share
 
 
-def _mark(verdict: StudyVerdict) -> str:
+def _mark(verdict: Standing) -> str:
     if verdict.breaks_at:
         return MARKS["not kept"]
     return MARKS["kept"] if verdict.complete else MARKS["not decided"]
 
 
-def _verdict_words(verdict: StudyVerdict) -> str:
+def _verdict_words(verdict: Standing) -> str:
     return f"{_mark(verdict)} {verdict.words}"
 
 
-def _breaking_words(verdict: StudyVerdict) -> str:
+def _breaking_words(verdict: Standing) -> str:
     if verdict.breaks_at:
         return verdict.breaks_at
     return "nowhere" if verdict.complete else "nowhere so far"
@@ -163,9 +163,7 @@ def stories(newest: Mapping[tuple[str, str], Curves], cases: Cases) -> list[Stor
     return [story for _, story in best.values()]
 
 
-def _telling_panel(
-    curves: Curves, verdicts_of: Mapping[str, StudyVerdict]
-) -> tuple[CurvePanel, float]:
+def _telling_panel(curves: Curves, verdicts_of: Mapping[str, Standing]) -> tuple[CurvePanel, float]:
     """Return the panel to show of a case, and the ratio of the largest curve to the smallest.
 
     It is that of a requirement that is not kept, else that in which laws differ most.
@@ -202,7 +200,7 @@ def main_plant(panel: CurvePanel) -> str:
     return "physics" if "physics" in plants else plants[-1] if plants else ""
 
 
-def _sentence(panel: CurvePanel, verdicts_of: Mapping[str, StudyVerdict]) -> str:
+def _sentence(panel: CurvePanel, verdicts_of: Mapping[str, Standing]) -> str:
     """Say which laws keep the requirements of a case, or else how far the laws are apart."""
     kept = [law for law, verdict in verdicts_of.items() if not verdict.breaks_at]
     broken = [law for law, verdict in verdicts_of.items() if verdict.breaks_at]

@@ -79,7 +79,7 @@ class Answer(Part):
         return self.verdict in (KEPT, MEASURED)
 
 
-class StudyVerdict(Part):
+class Standing(Part):
     """Where a law stands in a case: where it breaks, if it does.
 
     Attributes:
@@ -314,7 +314,7 @@ class Result(Provenance):
     schema_version: Literal[2]
     complete: bool = True
     answers: Sequence[Answer] = ()
-    standings: Sequence[StudyVerdict] = ()
+    standings: Sequence[Standing] = ()
     sheets: Sequence[ReportTable] = ()
     remarks: Sequence[Text] = ()
     values: Sequence[Value] = ()
@@ -332,7 +332,7 @@ def result(
     seed: int | None = None,
     complete: bool = True,
     answers: Iterable[Answer] = (),
-    standings: Iterable[StudyVerdict] = (),
+    standings: Iterable[Standing] = (),
     sheets: Iterable[ReportTable] = (),
     remarks: Iterable[str] = (),
     values: Iterable[Value] = (),

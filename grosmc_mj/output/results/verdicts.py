@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, computed_field
 
-from grosmc_mj.output.results.result import StudyVerdict, Value, finite
+from grosmc_mj.output.results.result import Standing, Value, finite
 from grosmc_mj.output.results.tables import number
 
 # Stands for the requirement that breaks first of a run that ended early.
@@ -233,6 +233,17 @@ def first_failed(rows: Iterable[Verdict]) -> Verdict | None:
     return None
 
 
+def worst_of(rows: Iterable[Verdict]) -> Verdict:
+    """Return the row that is the furthest beyond its limit, or the nearest to it."""
+    return max(rows, key=lambda row: row.share)
+
+
+def worst_failed(rows: Iterable[Verdict]) -> Verdict | None:
+    """Return the row that is the furthest beyond its limit; None if all are kept."""
+    worst = worst_of(rows)
+    return None if worst.kept else worst
+
+
 def by_law(rows: Iterable[Verdict]) -> dict[str, list[Verdict]]:
     """Return the rows of each law, in their order."""
     laws: dict[str, list[Verdict]] = {}
@@ -248,7 +259,7 @@ def standings(
     words: Callable[[Sequence[Verdict]], str],
     *,
     complete: bool,
-) -> Iterator[StudyVerdict]:
+) -> Iterator[Standing]:
     """Yield the standing of each law: the step at which it fails first, if it does.
 
     Args:
@@ -260,11 +271,14 @@ def standings(
     """
     for law, of_law in by_law(rows).items():
         row = failed(of_law)
-        yield StudyVerdict(
+        decides = worst_of(of_law) if row is None else row
+        yield Standing(
             case=case,
             law=law,
             breaks_at="" if row is None else row.step,
+            requirement=decides.tightest if decides.of_runs else "",
             words=words(of_law),
+            share=finite(decides.share) if decides.of_runs else None,
             # One failure decides, whatever else is found.
             complete=complete or row is not None,
         )

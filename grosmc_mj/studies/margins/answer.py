@@ -13,7 +13,7 @@ from grosmc_mj.output.results.result import (
     Answer,
     ReportTable,
     Result,
-    StudyVerdict,
+    Standing,
     Value,
     finite,
     result,
@@ -324,7 +324,7 @@ def _standing_words(rows: Sequence[Verdict]) -> str:
     return "; ".join(f"{row.condition}: {row.words}" for row in _refused(rows))
 
 
-def _standings(rows: Sequence[LawMargins], *, complete: bool) -> Iterator[StudyVerdict]:
+def _standings(rows: Sequence[LawMargins], *, complete: bool) -> Iterator[Standing]:
     """Yield the standing of each law in each setup."""
     for row in rows:
         # A law that cannot be run breaks nowhere.

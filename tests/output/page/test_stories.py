@@ -2,7 +2,7 @@
 
 from grosmc_mj.output.page.reading import CurvePanel, Curves, LimitLine, RecordedCurve
 from grosmc_mj.output.page.verdicts import stories
-from grosmc_mj.output.results.result import StudyVerdict
+from grosmc_mj.output.results.result import Standing
 
 
 def panel(label: str, limit: str, largest: float) -> CurvePanel:
@@ -23,7 +23,7 @@ def shown(requirement: str) -> str:
         panel("current [A]", "input below 4 A", largest=9.0),
     ]
     curves = Curves(kind="curves", system="servo", case="case1", duration=1.0, panels=panels)
-    missed = StudyVerdict(
+    missed = Standing(
         case="servo/case1",
         law="lqr",
         breaks_at="physics",
