@@ -273,8 +273,9 @@ def _number_map(row: TunedLaw) -> LineChart:
     values = np.array([design.value for design in designs])
     first, second = _influential(points, values)
 
-    x = _column(row.numbers[first], points[:, first])
-    y: list[Any] = _column(row.numbers[second], points[:, second])
+    x = [row.numbers[first].value(coordinate) for coordinate in points[:, first].tolist()]
+    y: list[Any]
+    y = [row.numbers[second].value(coordinate) for coordinate in points[:, second].tolist()]
     titles = (_axis(row.numbers[first]), _axis(row.numbers[second]))
     if first == second:
         y = [finite(share) for share in np.exp(np.minimum(values, 50.0)).tolist()]
@@ -293,12 +294,6 @@ def _number_map(row: TunedLaw) -> LineChart:
 
 def _at(values: Sequence[Any], where: NDArray[np.bool_]) -> list[Any]:
     return [value for value, chosen in zip(values, where, strict=True) if chosen]
-
-
-def _column(tuned: TunedNumberRow, coordinates: Array) -> list[float]:
-    """Values of a number at coordinates."""
-    values = 10.0**coordinates if tuned.logarithmic else coordinates
-    return values.tolist()
 
 
 def _axis(tuned: TunedNumberRow) -> str:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,39 +13,27 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.content import Content
 from grosmc_mj.experiments.file.reading import case_file_of
 from grosmc_mj.experiments.file.user_code import is_named
+from grosmc_mj.experiments.law_numbers import tunable_numbers
 from grosmc_mj.experiments.number import Number
 from grosmc_mj.ground.arguments import require_known
+from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, placed, value_text
 from grosmc_mj.ground.units import is_number, si_number
 from grosmc_mj.studies.target import StudiedLaw, chosen_laws
 from grosmc_mj.studies.tune.numbers import TunableLaw, TunedNumber
+from grosmc_mj.theory.control.law_number import LawNumber
 
 # A number of a law with its range, laws.NAME.PATH=LOW..HIGH; the range may be missing.
 _WRITTEN = re.compile(r"(?P<path>[^=]+)(?:=(?P<low>.+?)\.\.(?P<high>.+))?")
 _FORM = "laws.NAME.NUMBER=LOW..HIGH, such as laws.lqr.Q[1]=1..1e5"
 # Range of a number of which nothing is declared: so many times less and more than in the file.
 _SPREAD = 100.0
-# Laws of the package whose closed loop Q does not place.
-_WITHOUT_WEIGHTS = ("pid", "fl-pid", "linear-pid", "pd", "adaptive", "linear-adaptive")
-# Ways to the gains of a PID, of which a table has one.
-_PID_GAINS = ("kp", "ki", "kd")
-_INSTEAD_OF_GAINS = ("tune", "frequency")
-
-# Ranges of numbers of the package's laws.
-_RANGES: Mapping[str, tuple[float, float]] = {
-    "Q": (1e-1, 1e5),
-    "k": (0.1, 200.0),
-    "epsilon": (0.1, 200.0),
-    "integral_weight": (1e-2, 1e6),
-    "frequency": (0.3, 100.0),
-    "damping": (0.2, 3.0),
-    "bandwidth": (5.0, 500.0),
-    "adaptation": (1e-3, 1e4),
-    "kp": (0.1, 300.0),
-    "ki": (1e-2, 1e3),
-    "kd": (1e-3, 30.0),
-    "filter": (5e-4, 0.1),
-}
+# Numbers that are tuned only if the file gives them: most laws do without.
+_LEFT_ALONE = ("setpoint_weight", "rate_setpoint_weight", "tracking_time")
+# Gains of switching laws that read no epsilon.
+_OWN_GAINS = ("slope", "least")
+# Way to the gains of a PID that is no number.
+_TUNE = "tune"
 
 
 def tunable_laws(
@@ -98,39 +86,51 @@ def _tunable_law(
     experiment: Experiment, law: StudiedLaw, named: Mapping[str, _Ends | None]
 ) -> TunableLaw:
     """Return a law with the numbers that are named, or else with those that are declared."""
-    table = _table(experiment, law)
-    paths = list(named) or list(_paths(table, law))
-    if not paths:
+    base = f"{law.name}, tuned"
+    case = _with_law(experiment, law, base, _table(experiment, law, named))
+    declared = tunable_numbers(case, law.name)
+    numbers = [
+        _tuned_number(case, base, law, path, declared.get(str(_key(path))), ends)
+        for path, ends in (named or dict.fromkeys(_usual(case, law, declared))).items()
+    ]
+    if not numbers:
         raise ArgumentError(
             f"law {law.name} has no number to tune: name one by --number laws.{law.name}..."
         )
-    if table["law"] == "pid" and {*paths} & {*_PID_GAINS}:
-        _give_gains(table, law)
-    if any(path.startswith("Q[") for path in paths):
-        table.setdefault("Q", experiment.file.task.Q)
-
-    base = f"{law.name}, tuned"
-    case = _with_law(experiment, law, base, table)
-    numbers = [_tuned_number(case, base, law, path, named.get(path)) for path in paths]
     return TunableLaw(law, case, base, tuple(numbers))
 
 
-def _table(experiment: Experiment, law: StudiedLaw) -> Content:
-    """Return the table of a law, with all its numbers."""
+def _key(path: str) -> str:
+    """Return the key in the table of a law that a path begins with."""
+    return re.split(r"[.\[]", path)[0]
+
+
+def _table(experiment: Experiment, law: StudiedLaw, named: Iterable[str]) -> Content:
+    """Return the table of a law with all its numbers, Q and R too."""
     table = experiment.file.law(law.base).model_dump(exclude_unset=True)
     table.pop("name", None)
     table.update(law.sampled)
     if law.predict:
         table["predict"] = True
+    for weight in ("Q", "R"):
+        value = getattr(experiment.file.task, weight)
+        if value is not None and not is_named(table["law"]):
+            table.setdefault(weight, value)
+
+    # Gains are tuned in the place of what they are computed from.
+    keys = {_key(path) for path in named}
+    for way in (_TUNE, "frequency"):
+        if table["law"] == "pid" and way in table and (way == _TUNE or {"kp", "ki", "kd"} & keys):
+            del table[way]
+            for gain in ("kp", "ki", "kd"):
+                table[gain] = _plain(getattr(law.controller.parameters, gain))
     return table
 
 
-def _give_gains(table: Content, law: StudiedLaw) -> None:
-    """Give the table of a PID the gains that it has come to another way."""
-    for key in _INSTEAD_OF_GAINS:
-        if table.pop(key, None) is not None:
-            gains = {gain: getattr(law.controller.parameters, gain) for gain in _PID_GAINS}
-            table.update({gain: float(np.ravel(value)[0]) for gain, value in gains.items()})
+def _plain(gain: Array) -> float | list[float]:
+    """Return a gain as a file has it: one number, or one for each output."""
+    entries = np.ravel(gain).tolist()
+    return entries[0] if len(entries) == 1 else entries
 
 
 def _with_law(experiment: Experiment, law: StudiedLaw, base: str, table: Content) -> Experiment:
@@ -144,34 +144,45 @@ def _with_law(experiment: Experiment, law: StudiedLaw, base: str, table: Content
     return replace(experiment, file=case_file_of(content, experiment.path), chosen=())
 
 
-def _paths(table: Content, law: StudiedLaw) -> Iterator[str]:
-    """Yield the numbers of a law that are tuned if none are named."""
-    if is_named(table["law"]):
+def _usual(case: Experiment, law: StudiedLaw, declared: Mapping[str, LawNumber]) -> Iterator[str]:
+    """Yield the paths of the numbers of a law that are tuned if none are named."""
+    table = case.file.law(law.name).numbers
+    if not declared:
         for key, value in table.items():
             if is_number(value):
                 yield key
         return
 
-    if table["law"] not in _WITHOUT_WEIGHTS:
-        for index in range(len(law.controller.designed.lqr.Q)):
-            yield f"Q[{index + 1}]"
-    if table["law"] == "pid":
-        yield from (*_PID_GAINS, "filter")
-        return
-    for key, value in table.items():
-        if key in _RANGES and is_number(value):
+    redundant = _redundant(table, declared)
+    for key in declared:
+        given = table.get(key)
+        if key in ("Q", "R"):
+            # Only ratios of weights count: the first input's stays.
+            size = len(getattr(law.controller.designed.lqr, key))
+            first = 1 if key == "Q" else 2
+            yield from (f"{key}[{entry}]" for entry in range(first, size + 1))
+        elif isinstance(given, list):
+            yield from (f"{key}[{entry}]" for entry in range(1, len(given) + 1))
+        elif key in redundant:
+            continue
+        elif given is not None or key not in _LEFT_ALONE:
             yield key
-    uncertainty = table.get("uncertainty")
-    if isinstance(uncertainty, dict):
-        for index, value in enumerate(uncertainty.get("wrench", ())):
-            if value:
-                yield f"uncertainty.wrench[{index + 1}]"
-        if "reaching_rate" in uncertainty:
-            yield "uncertainty.reaching_rate"
+
+
+def _redundant(table: Mapping[str, Any], declared: Mapping[str, LawNumber]) -> set[str]:
+    """Keys of gains that others make up for, or that the switching law does not read."""
+    if any(key in declared for key in _OWN_GAINS):
+        return {"gain", "epsilon"}
+    return {"gain"} if "epsilon" in table else set()
 
 
 def _tuned_number(
-    case: Experiment, base: str, law: StudiedLaw, path: str, ends: _Ends | None
+    case: Experiment,
+    base: str,
+    law: StudiedLaw,
+    path: str,
+    declared: LawNumber | None,
+    ends: _Ends | None,
 ) -> TunedNumber:
     """Return a number with its range.
 
@@ -180,6 +191,7 @@ def _tuned_number(
         base: Name of its table.
         law: The law.
         path: Path of the number in the table.
+        declared: Declaration of the number; None for a law of one's own.
         ends: Ends of the range; None for the usual range.
     """
     shown = f"laws.{law.name}.{path}"
@@ -187,6 +199,7 @@ def _tuned_number(
         number = Number.of(case, f"laws.{base}.{path}")
     except ArgumentError as error:
         raise ArgumentError(str(error).replace(f"laws.{base}.{path}", shown)) from None
+
     with placed(f"{shown}: "):
         start = number.get(case)
         if ends is not None:
@@ -195,11 +208,31 @@ def _tuned_number(
                 raise ArgumentError(f"the range {ends.low}..{ends.high} must rise")
             return TunedNumber(path, number, start, low, high, logarithmic=low > 0)
 
-        usual = _RANGES.get(path.partition("[")[0])
-        if usual is None and not start > 0:
-            raise ArgumentError(f"it is {start:g}, so it needs a range: {shown}=LOW..HIGH")
-        low, high = usual or (start / _SPREAD, start * _SPREAD)
+        low, high = _usual_range(declared, abs(start))
+        if declared is not None and not declared.log:
+            return TunedNumber(path, number, start, low, high, logarithmic=False)
+        if start < 0:
+            low, high = -high, -low
         return TunedNumber(path, number, start, low, high).including_start()
+
+
+def _usual_range(declared: LawNumber | None, size: float) -> tuple[float, float]:
+    """Return the range of a number that has none.
+
+    Args:
+        declared: Its declaration; None if there is none.
+        size: Its size in the file.
+    """
+    factors = (1 / _SPREAD, _SPREAD)
+    if declared is not None and declared.search is not None:
+        if not declared.relative:
+            return declared.search
+        factors = declared.search
+        # A weight that is zero in the file may be any.
+        size = size or 1.0
+    if not size > 0:
+        raise ArgumentError("it is 0, so it needs a range: write NUMBER=LOW..HIGH")
+    return factors[0] * size, factors[1] * size
 
 
 def _typed(text: str, unit: str) -> float:

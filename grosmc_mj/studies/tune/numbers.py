@@ -40,17 +40,30 @@ class TunedNumber:
     @property
     def bounds(self) -> tuple[float, float]:
         """Bounds that the range cannot grow beyond."""
-        return self.number.bounds.low, self.number.bounds.high
+        low = self.number.bounds.low
+        high = self.number.bounds.high
+        if self.logarithmic:
+            # A logarithm keeps its sign.
+            return (max(low, 0.0), high) if self.sign > 0 else (low, min(high, 0.0))
+        return low, high
+
+    @property
+    def sign(self) -> float:
+        """Sign of all values of a number that is searched by its logarithm."""
+        return -1.0 if self.high < 0 else 1.0
 
     def coordinate(self, value: float) -> float:
-        """Return the coordinate of a value: itself, or its decimal logarithm."""
+        """Return the coordinate of a value: itself, or the logarithm of its size with its sign."""
         if not self.logarithmic:
             return value
-        return math.log10(value) if value > 0 else -math.inf
+        size = self.sign * value
+        return self.sign * math.log10(size) if size > 0 else -self.sign * math.inf
 
     def value(self, coordinate: float) -> float:
         """Return the value at a coordinate."""
-        return 10.0**coordinate if self.logarithmic else coordinate
+        if not self.logarithmic:
+            return coordinate
+        return self.sign * 10.0 ** (self.sign * coordinate)
 
     def including_start(self) -> TunedNumber:
         """Return the number with a range that has the value of the file, too, if it can."""

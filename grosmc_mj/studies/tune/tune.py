@@ -56,6 +56,13 @@ class TunedNumberRow(BaseModel):
     at_end: bool
     logarithmic: bool
 
+    def value(self, coordinate: float) -> float:
+        """Return the value at a coordinate of the search."""
+        if not self.logarithmic:
+            return coordinate
+        sign = math.copysign(1.0, self.after)
+        return sign * 10.0 ** (sign * coordinate)
+
 
 class TunedLaw(BaseModel):
     """Row of a law.
