@@ -25,7 +25,7 @@ from grosmc_mj.output.results.result import (
     ReportTable,
     Result,
     Series,
-    StudyVerdict,
+    Standing,
     Value,
     finite,
     result,
@@ -436,7 +436,7 @@ def _remarks(study: TuneStudy) -> list[str]:
     ]
 
 
-def _standings(study: TuneStudy, rows: Sequence[TunedLaw]) -> Iterator[StudyVerdict]:
+def _standings(study: TuneStudy, rows: Sequence[TunedLaw]) -> Iterator[Standing]:
     """Yield the verdict on each law with its tuned numbers."""
     for row in rows:
         worst = max(row.after, key=lambda item: item.share, default=None)
@@ -444,7 +444,7 @@ def _standings(study: TuneStudy, rows: Sequence[TunedLaw]) -> Iterator[StudyVerd
         breaks_at = ""
         if not row.kept:
             breaks_at = "tuned" if worst is None else worst.condition
-        yield StudyVerdict(
+        yield Standing(
             case=study.target,
             law=row.law,
             breaks_at=breaks_at,
