@@ -141,7 +141,9 @@ def test_wrong_use_leaves_no_file(command: str) -> None:
     assert ended(command).files == ["small.toml"]
 
 
-@pytest.mark.parametrize("command", ["run", "campaign", "view", "new", "campaign --plant 0"])
+@pytest.mark.parametrize(
+    "command", ["run", "campaign", "view", "new", "new --schema", "campaign --plant 0"]
+)
 @pytest.mark.parametrize("name", ["a\0b", "a\x1b[31mb.toml", "\udcff", "x" * 5000, "a/" * 999])
 def test_odd_names_are_one_line(command: str, name: str, capsys: Screen) -> None:
     assert run(*command.split(), name) == cli.WRONG

@@ -58,6 +58,7 @@ class NewCommand(Command):
     def _write_schema(self) -> int:
         """Print the schema of case files, or write it into the file of the name."""
         from grosmc_mj.experiments.file.json_schema import schema_of_case_files
+        from grosmc_mj.experiments.file.schema import file_name
 
         if self.like is not None or self.python:
             raise ArgumentError("--schema writes no case: leave --like and --python out")
@@ -65,9 +66,13 @@ class NewCommand(Command):
         if not self.name:
             print(text)
             return DONE
-        self._write({self.name: f"{text}\n"})
+        try:
+            file = file_name(self.name)
+        except ValueError as error:
+            raise ArgumentError(str(error)) from None
+        self._write({file: f"{text}\n"})
         screen.console().print(
-            f"{self.name} written; begin a case file with: #:schema {self.name}", soft_wrap=True
+            f"{file} written; begin a case file with: #:schema {file}", soft_wrap=True
         )
         return DONE
 
