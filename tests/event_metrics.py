@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from grosmc_mj.experiments.requirements.conditions import Conditions
+from grosmc_mj.experiments.requirements.conditions import Conditions, RecordedRun
 from grosmc_mj.experiments.requirements.measurement import Windows, signal_units
 from grosmc_mj.experiments.requirements.metrics import DWELL, MeasuredSignal, Metric, largest_of
 from grosmc_mj.experiments.requirements.optimum import Comparison
@@ -38,7 +38,7 @@ def event_metrics(
     metrics = {}
     for name, kind in KINDS.items():
         limit = kind(number=math.inf, signal=signal, band=band, periodic=periodic)
-        value = limit.of_record(run, controller, Conditions([], np.zeros((2, 1))))
+        value = limit.of_record(RecordedRun(run, controller, Conditions([], np.zeros((2, 1)))))
         metrics[name] = Metric(value, units[name])
         if math.isinf(value):
             metrics[name] = Metric(None, units[name], "not reached")

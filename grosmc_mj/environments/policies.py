@@ -157,8 +157,8 @@ def policy_controller(policy: Any, like: Controller, *, name: str = "") -> Contr
     """Controller that asks a policy, for ``simulate(..., engine="python")``.
 
     Its runs have the error coordinates and the optimum of ``like``, so that
-    ``compare_with_optimum`` and ``measure`` work as for a law. A policy with a ``reset()`` is
-    reset where a run begins. Where the index of ``like`` is undefined, so is the policy.
+    ``compare_with_optimum`` and ``metrics_of_rows`` work as for a law. A policy with a ``reset()``
+    is reset where a run begins. Where the index of ``like`` is undefined, so is the policy.
 
     Args:
         policy: Called with an observation as the environments give it, returns an action, (m,), in

@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from grosmc_mj.experiments.requirements.conditions import Conditions
+from grosmc_mj.experiments.requirements.conditions import RecordedRun
 from grosmc_mj.experiments.requirements.measured_run import MeasuredRun
 from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.ground.arrays import Array, as_rows
 from grosmc_mj.ground.errors import ArgumentError
-from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.theory.control.controller import Controller
 
 
@@ -54,9 +53,9 @@ class InputBelow(Requirement):
         """Name of the usual largest input."""
         return self.usual_metric
 
-    def of_record(self, run: Trajectory, law: Controller, conditions: Conditions) -> float:
+    def of_record(self, run: RecordedRun) -> float:
         """Return the largest input as it acts."""
-        return float(np.abs(run.applied).max())
+        return float(np.abs(run.trajectory.applied).max())
 
     @classmethod
     def refuse_undefined(cls, error: Any, laws: Sequence[str], signal: str) -> None:
@@ -94,14 +93,14 @@ class SaturatedForLessThan(Requirement):
             return ""
         return "no input has a limit"
 
-    def of_record(self, run: Trajectory, law: Controller, conditions: Conditions) -> float:
+    def of_record(self, run: RecordedRun) -> float:
         """Return the longest time over all inputs."""
-        commands = as_rows(run.command)
-        at_limit = conditions.at_limit(commands)
+        commands = as_rows(run.trajectory.command)
+        at_limit = run.conditions.at_limit(commands)
 
         longest = 0
         for saturated in at_limit.T:
             changes = np.flatnonzero(np.diff(saturated, prepend=False, append=False))
             lengths = changes[1::2] - changes[::2]
             longest = max(longest, int(lengths.max(initial=0)))
-        return longest * float(run.time[1])
+        return longest * float(run.trajectory.time[1])

@@ -9,15 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from grosmc_mj.experiments.requirements.conditions import Conditions
+from grosmc_mj.experiments.requirements.conditions import RecordedRun
 from grosmc_mj.experiments.requirements.requirement import Requirement, missing_signals
-from grosmc_mj.experiments.requirements.signals import SLIDING, named_units, signals_of
+from grosmc_mj.experiments.requirements.signals import SLIDING, named_units
 from grosmc_mj.experiments.requirements.temporal import samples_between
 from grosmc_mj.experiments.requirements.temporal_text import Specification, read_formula, signals_in
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.ground.units import number_in
-from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.theory.control.controller import Controller
 
 
@@ -154,21 +153,22 @@ class Always(Requirement):
         """Return the names of the signals in the formula."""
         return sorted(self.specification.signals - {"t"})
 
-    def of_record(self, run: Trajectory, law: Controller, conditions: Conditions) -> float:
+    def of_record(self, run: RecordedRun) -> float:
         """Return the value nearest to its bound, or the least margin of a formula without one.
 
         It is infinite where a quotient is undefined.
         """
         formula = self.specification.formula
         bounds = formula.bounds
-        period = float(run.time[1])
-        signals = signals_of(run, law, self.specification.signals)
+        time = run.trajectory.time
+        period = float(time[1])
+        signals = run.signals(self.specification.signals)
         try:
             with np.errstate(divide="raise", invalid="raise"):
                 if bounds is None:
                     values = formula.margins(signals, period)
                 else:
-                    values = np.broadcast_to(bounds.quantity.values(signals), run.time.shape)
+                    values = np.broadcast_to(bounds.quantity.values(signals), time.shape)
         except FloatingPointError:
             return -math.inf if bounds is None else bounds.undefined
 

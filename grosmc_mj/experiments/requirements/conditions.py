@@ -1,16 +1,21 @@
-"""Loads and actuators of a run, which some requirements are judged by."""
+"""A recorded run with its loads and actuators, by which some requirements are judged."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from grosmc_mj.experiments.requirements.optimum import Comparison, compare_with_optimum
+from grosmc_mj.experiments.requirements.signals import signals_of
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.simulation.loop.actuators import Actuator
+from grosmc_mj.simulation.trajectory import Trajectory
+from grosmc_mj.theory.control.controller import Controller
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +57,31 @@ class Conditions:
         low, high = self.input_limits
         demanded = self.demanded(commands)
         return (demanded <= low) | (demanded >= high)
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedRun:
+    """A recorded run; the requirements on its rows share what is computed of them.
+
+    Attributes:
+        trajectory: The run.
+        controller: Its controller.
+        conditions: Its loads and actuators.
+    """
+
+    trajectory: Trajectory
+    controller: Controller
+    conditions: Conditions
+
+    # Metrics, figures and most requirements on rows ask for it.
+    @cached_property
+    def comparison(self) -> Comparison:
+        """The run beside the optimum that its law was designed for."""
+        return compare_with_optimum(self.trajectory, self.controller)
+
+    def signals(self, names: Collection[str]) -> dict[str, Array]:
+        """Return signals by name, (N + 1,) each, see ``signals_of``."""
+        return signals_of(self.trajectory, self.controller, names, self.comparison)
 
 
 def end_of_transient(onsets: Iterable[tuple[float, float]]) -> float:

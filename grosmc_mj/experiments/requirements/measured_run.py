@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from grosmc_mj.experiments.requirements.accumulator import Rows
-from grosmc_mj.experiments.requirements.conditions import Conditions
+from grosmc_mj.experiments.requirements.conditions import Conditions, RecordedRun
 from grosmc_mj.experiments.requirements.measurement import NO_WINDOWS, Windows, bands
 from grosmc_mj.experiments.requirements.metrics import Metric, settled_in, stays
-from grosmc_mj.experiments.requirements.optimum import Comparison, compare_with_optimum
+from grosmc_mj.experiments.requirements.optimum import Comparison
 from grosmc_mj.experiments.requirements.run_metrics import (
     cost_shares,
     metrics_of_rows,
@@ -45,11 +45,16 @@ class MeasuredRun:
     true: Plant
     ended: str = ""
 
-    # Metrics, figures and signals ask for it.
+    # The requirements on rows share it.
     @cached_property
+    def record(self) -> RecordedRun:
+        """The recorded run with its loads and actuators."""
+        return RecordedRun(self.trajectory, self.controller, self.case.conditions(self.true))
+
+    @property
     def comparison(self) -> Comparison:
         """The run beside the optimum that its law was designed for."""
-        return compare_with_optimum(self.trajectory, self.controller)
+        return self.record.comparison
 
     # Tables, figures and documents ask for them.
     @cached_property
@@ -104,7 +109,7 @@ class MeasuredRun:
     @property
     def conditions(self) -> Conditions:
         """Loads and actuators of the run."""
-        return self.case.conditions(self.true)
+        return self.record.conditions
 
     @property
     def input_limits(self) -> Array:

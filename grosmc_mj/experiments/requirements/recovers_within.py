@@ -8,12 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grosmc_mj.experiments.requirements.conditions import Conditions
+from grosmc_mj.experiments.requirements.conditions import RecordedRun
 from grosmc_mj.experiments.requirements.measured_run import MeasuredRun
 from grosmc_mj.experiments.requirements.requirement import Requirement
-from grosmc_mj.experiments.requirements.signals import ERROR, signals_of
+from grosmc_mj.experiments.requirements.signals import ERROR
 from grosmc_mj.simulation.trajectory import Trajectory
-from grosmc_mj.theory.control.controller import Controller
 
 # Rounding of an instant k h, as a share of it.
 _ROUNDING = 1e-12
@@ -62,21 +61,21 @@ class RecoversWithin(Requirement):
             return value, "no disturbance begins in time"
         return value, ""
 
-    def of_record(self, run: Trajectory, law: Controller, conditions: Conditions) -> float:
+    def of_record(self, run: RecordedRun) -> float:
         """Return the longest recovery; one that is not over counts up to the end of the run."""
-        (name,) = self.watched(law.designed.error) if self.signal else (ERROR,)
-        outside = np.abs(signals_of(run, law, [name])[name]) > self.band
+        (name,) = self.watched(run.controller.designed.error) if self.signal else (ERROR,)
+        outside = np.abs(run.signals([name])[name]) > self.band
         # The first change counts wherever the error is.
-        changes = _changes(run, conditions.loads)
+        changes = _changes(run.trajectory, run.conditions.loads)
         begins = [i for n, i in enumerate(changes) if n == 0 or not outside[i]]
         ends = [*begins[1:], len(outside)]
 
         longest = 0
         for begin, end in zip(begins, ends, strict=False):
             late = np.flatnonzero(outside[begin:end])
-            if len(late) and self._in_time(run, begin):
+            if len(late) and self._in_time(run.trajectory, begin):
                 longest = max(longest, int(late[-1]) + 1)
-        return longest * float(run.time[1])
+        return longest * float(run.trajectory.time[1])
 
     def _in_time(self, run: Trajectory, index: int) -> bool:
         """Whether the run is long enough to recover from a change at an instant."""

@@ -7,13 +7,12 @@ from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from grosmc_mj.experiments.requirements.conditions import Conditions
+from grosmc_mj.experiments.requirements.conditions import RecordedRun
 from grosmc_mj.experiments.requirements.measured_run import MeasuredRun
 from grosmc_mj.experiments.requirements.measurement import Windows
 from grosmc_mj.experiments.requirements.metrics import DWELL, MeasuredSignal, Metric
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, name_list
-from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.theory.control.controller import Controller
 
 # Sampling periods of a run at least: an error settles only if it stays for this share of a run.
@@ -290,17 +289,11 @@ class Requirement:
     def value_of(self, run: MeasuredRun) -> float:
         """Return the limited metric of a recorded run; infinite where it is not defined."""
         if self.recorded:
-            return self.of_record(run.trajectory, run.controller, run.conditions)
+            return self.of_record(run.record)
         return run.values(self.windows)[self.metric]
 
-    def of_record(self, run: Trajectory, law: Controller, conditions: Conditions) -> float:
-        """Return the limited metric of a recorded run of a kind that is ``recorded``.
-
-        Args:
-            run: The run.
-            law: Its law.
-            conditions: Its loads and actuators.
-        """
+    def of_record(self, run: RecordedRun) -> float:
+        """Return the limited metric of a recorded run of a kind that is ``recorded``."""
         raise NotImplementedError
 
     def of_optimum(self, run: MeasuredRun) -> Metric | None:

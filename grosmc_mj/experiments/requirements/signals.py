@@ -6,7 +6,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from grosmc_mj.experiments.requirements.optimum import compare_with_optimum
+from grosmc_mj.experiments.requirements.optimum import Comparison, compare_with_optimum
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.theory.control.controller import Controller
@@ -50,17 +50,24 @@ def sliding_names(count: int) -> list[str]:
     return [f"{SLIDING} {i + 1}" for i in range(count)]
 
 
-def signals_of(run: Trajectory, law: Controller, names: Collection[str]) -> dict[str, Array]:
+def signals_of(
+    run: Trajectory,
+    law: Controller,
+    names: Collection[str],
+    comparison: Comparison | None = None,
+) -> dict[str, Array]:
     """Return signals of a run by name, (N + 1,) each; the last input is held once more.
 
     Args:
         run: A recorded run; of one that ended in its first step the inputs are NaN.
         law: Its law.
         names: Names of the signals, see ``named_units``; ``t`` is always among them.
+        comparison: The run beside its optimum; computed here by default.
     """
+    if comparison is None:
+        comparison = compare_with_optimum(run, law)
     error = law.designed.error
     states = [state.name for state in error.system.states]
-    comparison = compare_with_optimum(run, law)
     reference = error.reference_along(run.time, law.parameters.reference)
 
     signals = {"t": run.time, ERROR: comparison.error, DEVIATION: comparison.deviation}

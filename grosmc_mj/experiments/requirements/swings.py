@@ -16,16 +16,14 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from grosmc_mj.experiments.requirements.accumulator import wrapped
-from grosmc_mj.experiments.requirements.conditions import Conditions
+from grosmc_mj.experiments.requirements.conditions import RecordedRun
 from grosmc_mj.experiments.requirements.measured_run import MeasuredRun
-from grosmc_mj.experiments.requirements.metrics import DWELL
+from grosmc_mj.experiments.requirements.metrics import DWELL, stays
 from grosmc_mj.experiments.requirements.requirement import Requirement
-from grosmc_mj.experiments.requirements.signals import ERROR, signals_of
+from grosmc_mj.experiments.requirements.signals import ERROR
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.compilation.compiler import compile_python
 from grosmc_mj.ground.errors import ArgumentError
-from grosmc_mj.simulation.trajectory import Trajectory
-from grosmc_mj.theory.control.controller import Controller
 
 # Margin, in parts of the number, of a run without the event: searches compare finite numbers.
 _NEVER = -1e3
@@ -130,13 +128,13 @@ class EventRequirement(Requirement):
         signal = self.signal or "error"
         return f"{self.measures.replace('_', ' ')}{before} {signal} in {self.band!r}{turn}"
 
-    def of_record(self, run: Trajectory, law: Controller, conditions: Conditions) -> float:
+    def of_record(self, run: RecordedRun) -> float:
         """Return the limited value; infinite where the error is not in the band for good.
 
         It must stay for the last tenth of the run at least: one that swings through the band is
         always inside for a moment before some end.
         """
-        error = law.designed.error
+        error = run.controller.designed.error
         outputs = [error.names[row] for row in error.output_rows]
         away = f"{self.signal} error" if self.signal in outputs else self.signal or ERROR
         # Where an output is a state, it is the state itself that swings.
@@ -144,10 +142,11 @@ class EventRequirement(Requirement):
         if moving not in {state.name for state in error.system.states}:
             moving = away
 
-        signals = signals_of(run, law, {away, moving})
+        time = run.trajectory.time
+        signals = run.signals({away, moving})
         turn = 2 * math.pi if self.periodic else 0.0
-        event = find_event(run.time, signals[away], turn, signals[moving], self.band)
-        if event.reached > (1 - DWELL) * run.time[-1]:
+        event = find_event(time, signals[away], turn, signals[moving], self.band)
+        if not stays(event.reached, time[-1]):
             return math.inf
         return getattr(event, self.measures)
 

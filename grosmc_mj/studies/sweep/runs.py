@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.experiments.requirements.conditions import RecordedRun
 from grosmc_mj.experiments.requirements.judging import margins_of, of_laws, windows_of
 from grosmc_mj.experiments.requirements.measurement import Measurement
 from grosmc_mj.experiments.requirements.requirement import Requirement
@@ -464,10 +465,10 @@ def _recorded_metrics(
     for i, run in enumerate(runs):
         if batch.status[i] is not Status.COMPLETED:
             continue
-        recorded = with_acting(batch[i], run.plant)
-        conditions = run.case.conditions(run.plant)
+        acting = with_acting(batch[i], run.plant)
+        record = RecordedRun(acting, run.law, run.case.conditions(run.plant))
         for limit in limits:
-            metrics[limit.metric][i] = limit.of_record(recorded, run.law, conditions)
+            metrics[limit.metric][i] = limit.of_record(record)
     return metrics
 
 
