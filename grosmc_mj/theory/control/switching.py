@@ -38,13 +38,24 @@ SwitchingTerm = Callable[[Any, float, float, Any, Any, Any], None]
 
 @checked(GainError)
 class SwitchingNumbers:
-    """Numbers of the switching laws; each law reads its own."""
+    """Numbers of the switching laws; each law reads its own.
+
+    Attributes:
+        gain: Factor on the law's switching gain rho.
+        width: Thickness of the boundary layer over h gain rho, the most that the law moves s by
+            in a sample; above 0.5, or it chatters like sgn.
+        slope: L of the super-twisting law, the bound of |w'|, in the unit of s per second squared.
+            A load or a wrong inertia is there at t = 0, without a reaching phase: the larger L,
+            the sooner it is made up for. The law's own ripple is 1.1 L h.
+        share: c h^2 of the adaptive law. Within mu the gain changes by up to four times this share
+            of itself in a sample: with less it lags behind w, with more it rings.
+        least: Smallest gain of the adaptive law, in the unit of s per second.
+    """
 
     gain: Annotated[
         float,
         LawNumber(low=0, meaning="factor on the law's switching gain rho", search=(0.1, 10)),
     ] = 1.0
-    # Above 0.5, or it chatters like sgn.
     width: Annotated[
         float,
         LawNumber(
@@ -55,8 +66,6 @@ class SwitchingNumbers:
             search=(0.6, 50),
         ),
     ] = 2.0
-    # A load or a wrong inertia is there at t = 0, without a reaching phase: the larger L, the
-    # sooner it is made up for. The law's own ripple is 1.1 L h.
     slope: Annotated[
         float,
         LawNumber(
@@ -66,8 +75,6 @@ class SwitchingNumbers:
             search=(1, 1e5),
         ),
     ] = 100.0
-    # Within mu the gain changes by up to four times this share of itself in a sample: with less
-    # it lags behind w, with more it rings.
     share: Annotated[
         float,
         LawNumber(
