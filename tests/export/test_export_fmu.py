@@ -83,7 +83,7 @@ def test_an_fmu_makes_the_samples_of_the_law(real: str, parts: int, tmp_path: Pa
 
 @needs_compiler
 def test_an_fmu_of_a_loop_reads_what_sensors_measure(tmp_path: Path) -> None:
-    _, law = law_in("high-gain", predict=True)
+    _, law = law_in("unsettled", predict=True)
     y = np.linspace(0.0, 0.1, SAMPLES)
     start = np.array([0.0, 1.0])
     signals = {"rotor angle": y}

@@ -26,10 +26,9 @@ LOOPS = {
     "filtered": Loop(
         sensors=(ANGLE,), estimators=(Estimator(of=SPEED, law="filtered", time_constant=0.01),)
     ),
-    "levant": Loop(sensors=(ANGLE,), estimators=(Estimator(of=SPEED, law="levant", slope=100),)),
-    "high-gain": Loop(
+    "unsettled": Loop(
         sensors=(ANGLE,),
-        estimators=(Estimator(of=SPEED, law="high-gain", bandwidth=100, settled=False),),
+        estimators=(Estimator(of=SPEED, law="eso", bandwidth=100, settled=False),),
     ),
     "eso": Loop(
         computing=JITTER,
@@ -88,7 +87,7 @@ def test_software_of_two_inputs_is_the_python_one(law: str, tmp_path: Path) -> N
 
 
 @needs_compiler
-@pytest.mark.parametrize("name", ["slow sensor", "levant", "kalman", "delay"])
+@pytest.mark.parametrize("name", ["slow sensor", "unsettled", "kalman", "delay"])
 def test_sanitizers_find_nothing_in_a_loop(name: str, tmp_path: Path) -> None:
     _, law = law_in(name, predict=True)
     run_sanitized(law, len(law.measured), IN_LOOP, tmp_path)

@@ -123,8 +123,6 @@ def law_of_robot(system: str, law: str) -> Controller:
 ESTIMATORS: dict[str, dict[str, Any]] = {
     "difference": {"law": "difference"},
     "filtered": {"law": "filtered", "time_constant": 3e-3},
-    "levant": {"law": "levant", "slope": 40.0, "settled": False},
-    "high-gain": {"law": "high-gain", "bandwidth": 150},
     "eso": {"law": "eso", "bandwidth": 150.0},
     "kalman": {"law": "kalman", "load": 1.0},
 }
@@ -195,8 +193,6 @@ LOOPED = [
     ("cart_pendulum", "RK4", "lqr", "eso"),
     ("servo", "corrected", "grosmc", "difference"),
     ("servo", "corrected", "grosmc", "filtered"),
-    ("servo", "corrected", "grosmc", "levant"),
-    ("servo", "corrected", "grosmc", "high-gain"),
     ("servo", "corrected", "grosmc", "kalman"),
 ]
 

@@ -1,12 +1,8 @@
 """Estimators of rates, at each sample of the law.
 
-- ``levant``: A. Levant, "Robust exact differentiation via sliding mode technique", Automatica 34,
-  1998, with the gains 1.5 sqrt(L) and 1.1 L, by implicit Euler (V. Acary and B. Brogliato,
-  "Implicit Euler numerical scheme and chattering-free implementation of sliding mode systems",
-  Systems & Control Letters 59, 2010), solved in closed form: no chatter of its own.
-- ``high-gain`` and ``eso``: H. K. Khalil, "High-gain observers in nonlinear feedback control",
-  2017, and Z. Gao, "Scaling and bandwidth-parameterization based controller tuning", ACC 2003, as
-  current observers with all poles at exp(-w T).
+``eso`` is after H. K. Khalil, "High-gain observers in nonlinear feedback control", 2017, and
+Z. Gao, "Scaling and bandwidth-parameterization based controller tuning", ACC 2003, as a current
+observer with all poles at exp(-w T).
 """
 
 from __future__ import annotations
@@ -21,20 +17,16 @@ from grosmc_mj.ground.refusals import refusal
 from grosmc_mj.simulation.loop.prediction import move_by_a_period
 from grosmc_mj.simulation.loop.rows import numbers_dtype
 from grosmc_mj.theory.control.matrices import copy
-from grosmc_mj.theory.plants.owner_units import FIRST_INPUT, STATE_RATE
+from grosmc_mj.theory.plants.owner_units import FIRST_INPUT
 
-EstimatorLaw = Literal["difference", "filtered", "levant", "high-gain", "eso", "kalman"]
+EstimatorLaw = Literal["difference", "filtered", "eso", "kalman"]
 KINDS = get_args(EstimatorLaw)
 # Kinds in a row, by their place in ``KINDS``.
 _FILTERED = 1.0
-_LEVANT = 2.0
-_HIGH_GAIN = 3.0
-ESO = 4.0
+ESO = 2.0
 # Name of the number that tunes an estimator.
 TUNED_BY: dict[str, str] = {
     "filtered": "time_constant",
-    "levant": "slope",
-    "high-gain": "bandwidth",
     "eso": "bandwidth",
     "kalman": "load",
 }
@@ -61,13 +53,11 @@ class Estimator:
     Attributes:
         of: Names of the states. ``kalman`` estimates any state; the others estimate rates, from
             the position that the law gets.
-        law: ``difference`` of two samples; ``filtered``, the same through a lag; ``levant``, the
-            robust exact differentiator in its implicit discretization; ``high-gain``, a critically
-            damped observer of two integrators; ``eso``, the same of the design model with a
-            constant disturbance; ``kalman``, the steady-state filter of the design model.
+        law: ``difference`` of two samples; ``filtered``, the same through a lag; ``eso``, a
+            critically damped observer of the design model with a constant disturbance; ``kalman``,
+            the steady-state filter of the design model.
         time_constant: Time constant of ``filtered`` [s].
-        slope: Bound of the rate's derivative for ``levant``, per second.
-        bandwidth: Place of all poles of ``high-gain`` and ``eso`` [rad/s].
+        bandwidth: Place of all poles of ``eso`` [rad/s].
         load: Standard deviation of an unknown input for ``kalman``, constant in a sample, in the
             unit of the inputs.
         settled: Whether it has run long before the law is switched on, and so begins with the true
@@ -77,7 +67,6 @@ class Estimator:
     of: Annotated[tuple[str, ...], _States()]
     law: Annotated[EstimatorLaw, Known("estimator", KINDS)] = "difference"
     time_constant: Annotated[float, Range(0, unit="s", above=True)] | None = None
-    slope: Annotated[float, Range(0, unit=STATE_RATE, above=True)] | None = None
     bandwidth: Annotated[float, Range(0, unit="rad/s", above=True)] | None = None
     load: Annotated[float, Range(0, unit=FIRST_INPUT, above=True)] | None = None
     settled: Flag = True
@@ -116,26 +105,6 @@ ESTIMATOR = numbers_dtype(
 
 
 @jitable
-def levant(
-    position: float,
-    rate: float,
-    y: float,
-    L: float,
-    T: float,
-) -> tuple[float, float]:
-    """Position and rate after a sample y, T after the last one, with |y''| <= L."""
-    a = 1.5 * math.sqrt(L) * T
-    b = 1.1 * L * T * T
-    ahead = position + T * rate - y
-    if abs(ahead) <= b:
-        # The surface is reached: the selection of sgn(0) that holds it there.
-        return y, rate - ahead / T
-    root = 0.5 * (math.sqrt(a * a + 4.0 * (abs(ahead) - b)) - a)
-    sign = 1.0 if ahead > 0.0 else -1.0
-    return y + sign * root * root, rate - sign * 1.1 * L * T
-
-
-@jitable
 def _difference(estimator: Any, y: float, T: float) -> None:
     """(y_k - y_{k-1}) / T, through a lag of the estimator's time constant if it is filtered."""
     slope = (y - estimator.last) / T
@@ -144,15 +113,6 @@ def _difference(estimator: Any, y: float, T: float) -> None:
         kept = math.exp(-T / estimator.number)
     estimator.y = y
     estimator.rate = kept * estimator.rate + (1.0 - kept) * slope
-
-
-@jitable
-def _high_gain(estimator: Any, y: float, T: float) -> None:
-    """Observer of two integrators with both poles at exp(-w T)."""
-    pole = math.exp(-estimator.number * T)
-    e = y - (estimator.y + T * estimator.rate)
-    estimator.y = y - pole * pole * e
-    estimator.rate = estimator.rate + (1.0 - pole) * (1.0 - pole) * e / T
 
 
 @jitable
@@ -184,11 +144,7 @@ def _update(
     gained: float,
 ) -> None:
     """Update an estimator by a sample y, T after the last one."""
-    if estimator.kind == _LEVANT:
-        estimator.y, estimator.rate = levant(estimator.y, estimator.rate, y, estimator.number, T)
-    elif estimator.kind == _HIGH_GAIN:
-        _high_gain(estimator, y, T)
-    elif estimator.kind == ESO:
+    if estimator.kind == ESO:
         _extended(estimator, y, T, gained)
     else:
         _difference(estimator, y, T)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import control
@@ -15,68 +14,14 @@ from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, GainError
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.loop import Actuator, Computing, Estimator, Loop, Sensor, apply_loop
-from grosmc_mj.simulation.loop.estimators import levant
 from grosmc_mj.simulation.loop.kalman import kalman_gain
 from grosmc_mj.theory.plants import SERVO
 
 EPS = np.finfo(float).eps
-# Slope of Levant's differentiator [rad/s^2], and the rate of a coasting rotor [rad/s].
-L = 10.0
+# Rate of a coasting rotor [rad/s].
 RATE = 2.0
 # Readings of up to 3 rad, rounded, over a period: a factor for the roundings on the way.
 ROUNDING = 16 * EPS * 3 / H
-
-# Levant's differentiator
-
-
-def differentiated(y: Array) -> Array:
-    """Rates that Levant's differentiator gives."""
-    position = float(y[0])
-    rate = 0.0
-    rates = np.empty(len(y))
-    for i, reading in enumerate(y.tolist()):
-        position, rate = levant(position, rate, reading, L, H)
-        rates[i] = rate
-    return rates
-
-
-@pytest.mark.parametrize("acceleration", [-9.0, 9.0])
-def test_levant_is_exact_below_its_bound(acceleration: float) -> None:
-    """Without chatter: once there it is the slope of the secant, sample by sample."""
-    t = np.arange(2000) * H
-    y = 0.5 * acceleration * t**2
-    expected = acceleration * (t - H / 2)
-    # A difference of two readings over T, each of them rounded.
-    rounding = 4 * EPS * (np.abs(y).max() + 1.0) / H
-    errors = differentiated(y) - expected
-    assert np.abs(errors[-1000:]).max() <= rounding
-
-
-def test_levant_falls_behind_an_acceleration_beyond_its_bound() -> None:
-    """It turns its rate by 1.1 L at most."""
-    t = np.arange(2000) * H
-    rates = differentiated(L * t**2)
-    steps = np.abs(np.diff(rates))
-    assert steps.max() == pytest.approx(1.1 * L * H, rel=1e-9)
-    lag = 2 * L * t[-1] - rates[-1]
-    assert lag >= 0.9 * L * t[-1] * (1 - 1e-2)
-
-
-@pytest.mark.parametrize("e", [1e-4, 1e-2])
-def test_noise_costs_levant_the_root_of_itself(e: float) -> None:
-    """e sin(sqrt(L / e) t) might be the signal itself: it must be followed, to a rate sqrt(L e).
-
-    Left out are the secant instead of the slope, less (w T)^2 / 24, and that samples miss the
-    crest, less (w T)^2 / 8.
-    """
-    w = math.sqrt(L / e)
-    samples = round(20 * 2 * math.pi / (w * H))
-    t = np.arange(samples) * H
-    rates = differentiated(e * np.sin(w * t))
-    largest = np.abs(rates[samples // 2 :]).max()
-    ratio = largest / math.sqrt(L * e)
-    assert 1 - (w * H) ** 2 / 6 <= ratio <= 1 + 1e-9
-
 
 # Estimators of a rate
 
@@ -113,8 +58,6 @@ def coasting(law: Any, samples: int = 1500, *, settled: bool = False, **number: 
     [
         ("difference", {}),
         ("filtered", {"time_constant": 5e-3}),
-        ("levant", {"slope": 20.0}),
-        ("high-gain", {"bandwidth": 50.0}),
         ("eso", {"bandwidth": 50.0}),
     ],
 )
@@ -129,8 +72,6 @@ def test_a_constant_rate_is_estimated_exactly_in_the_end(law: str, number: dict[
     [
         ("difference", {}),
         ("filtered", {"time_constant": 5e-3}),
-        ("levant", {"slope": 20.0}),
-        ("high-gain", {"bandwidth": 50.0}),
     ],
 )
 def test_a_settled_estimator_is_exact_from_the_start(law: str, number: dict[str, Any]) -> None:
@@ -142,14 +83,6 @@ def test_a_filtered_rate_begins_with_the_pole_that_it_is_tuned_for() -> None:
     error = coasting("filtered", time_constant=5e-3)
     decay = -RATE * np.exp(-np.arange(50) / 5)
     assert np.abs(error[:50] - decay).max() <= ROUNDING
-
-
-def test_a_high_gain_observer_begins_with_the_double_pole_that_it_is_tuned_for() -> None:
-    error = coasting("high-gain", bandwidth=50.0)
-    pole = math.exp(-50.0 * H)
-    residual = error[2:] - 2 * pole * error[1:-1] + pole**2 * error[:-2]
-    assert np.abs(residual).max() < 4 * ROUNDING
-    assert error[20] < -0.5
 
 
 def largest_error_of_rate(estimator: Estimator, stride: int, *, predict: bool) -> float:

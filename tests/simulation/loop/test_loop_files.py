@@ -44,8 +44,8 @@ delay = "1 ms"
 
 [[estimator]]
 of = "rotor speed"
-law = "levant"
-slope = "20 rad/s^2"
+law = "eso"
+bandwidth = "20 rad/s"
 settled = false
 
 [[actuator]]
@@ -85,7 +85,7 @@ def test_a_file_says_all_there_is_to_a_loop(tmp_path: Path) -> None:
     assert sensor.resolution == pytest.approx(np.pi / 1800)
 
     sensor = Sensor("rotor angle", 1.0, noise=H, bias=-H, drift=H, delay=H)
-    estimator = Estimator(("rotor speed",), "levant", slope=20.0, settled=False)
+    estimator = Estimator(("rotor speed",), "eso", bandwidth=20.0, settled=False)
     actuator = Actuator(
         "current",
         delay=0.5 * H,

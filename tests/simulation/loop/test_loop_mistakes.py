@@ -37,8 +37,12 @@ def assert_one_line(refused: pytest.ExceptionInfo[ArgumentError]) -> None:
     [
         ((), {}, r"of = \(\) must be names of states, at least one"),
         ((SPEED,), {"law": "eso"}, "eso needs bandwidth"),
-        ((SPEED,), {"slope": 3}, "difference needs no number, has no time_constant, slop"),
-        ((SPEED,), {"law": "levnt"}, "unknown estimator 'levnt': did you mean 'levant'"),
+        (
+            (SPEED,),
+            {"load": 3},
+            "difference needs no number, has no time_constant, band",
+        ),
+        ((SPEED,), {"law": "kalmn"}, "unknown estimator 'kalmn': did you mean 'kalman'"),
     ],
 )
 def test_an_estimator_with_wrong_numbers_is_refused(
