@@ -219,10 +219,10 @@ class Trials:
         """
         judges = self._judges_of(trial)
         verdict = judge(judgeable_in(judges.limits, trial.loop or Loop(), self.built))
-        if verdict.impossible:
-            return verdict
-        claims = {name: judge(limits).share for name, limits in judges.claims.items()}
-        return verdict.changed(claims=claims)
+        claims: dict[str, float] = {}
+        if not verdict.impossible:
+            claims = {name: judge(limits).share for name, limits in judges.claims.items()}
+        return verdict.changed(law=trial.law.name, condition=trial.condition.name, claims=claims)
 
 
 def _verdict_of_run(run: RunResult, limits: Sequence[Requirement]) -> Verdict:

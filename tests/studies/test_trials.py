@@ -127,6 +127,8 @@ def test_designs_of_a_law_under_all_conditions_run_in_one_batch(
     alone = [Trials("corrected", trials.limits).over_draws([trial])[0] for trial in tried]
     assert together == alone
     assert together[0].shares != together[len(conditions)].shares
+    expected = [(trial.law.name, trial.condition.name) for trial in tried]
+    assert [(row.law, row.condition) for row in together] == expected
 
 
 def test_a_loop_that_cannot_be_is_a_verdict() -> None:

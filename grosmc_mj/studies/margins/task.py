@@ -43,8 +43,7 @@ def task_margins(trials: Trials, law: StudiedLaw, condition: Condition) -> list[
         verdict = over_draws(trials.all_draws(as_is))
         failing = verdict.draws - verdict.kept_draws
         words = _in_draws(_breaking(verdict), failing, verdict.draws)
-        row = verdict.changed(law=law.name, condition=condition.name, step=AS_IS)
-        return [row.changed(text="not kept", words=words)]
+        return [verdict.changed(step=AS_IS, text="not kept", words=words)]
 
     inputs = [signal.name for signal in experiment.nominal.system.inputs]
     timestep = experiment.settings.timestep
@@ -55,8 +54,7 @@ def task_margins(trials: Trials, law: StudiedLaw, condition: Condition) -> list[
         return [verdict.kept for verdict in trials.over_draws(changed)]
 
     run_searches(searches, passing)
-    margins = [_margin(trials, as_is, search) for search in searches]
-    return [row.changed(law=law.name, condition=condition.name) for row in margins]
+    return [_margin(trials, as_is, search) for search in searches]
 
 
 def _margin(trials: Trials, as_is: Trial, search: ChangeSearch) -> Verdict:
@@ -64,7 +62,9 @@ def _margin(trials: Trials, as_is: Trial, search: ChangeSearch) -> Verdict:
     kept, failed = search.bounds
     draws = len(trials.numbers(as_is))
     row = Verdict(
+        law=as_is.law.name,
         step=search.kind,
+        condition=as_is.condition.name,
         share=0.0,
         draws=draws,
         kept_draws=draws,
