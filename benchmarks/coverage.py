@@ -44,9 +44,9 @@ controller = [{ law = "lqr" }, { law = "grosmc" }]
 computing = { delay = "1 ms" }
 requirement = [{ settles_within = "6 s", of = ["grosmc"] }]
 uncertain = [
-  { body = "rotor", mass_scale = [0.3, 4] },
-  { joint = "shaft", damping = [0.0005, 0.1] },
-  { computing = true, delay = ["0 ms", "20 ms"] },
+  { number = "edit.rotor.mass_scale", values = [0.3, 4] },
+  { number = "edit.shaft.damping", values = [0.0005, 0.1] },
+  { number = "computing.delay", values = ["0 ms", "20 ms"] },
 ]
 """
 NAMES = ("rotor mass scale", "shaft damping", "computing delay")

@@ -77,21 +77,23 @@ deviation_below = "3 mrad"
 """
 INERTIA = """
 [[uncertain]]
-body = "rotor"
-mass_scale = [1, 3]
+number = "edit.rotor.mass_scale"
+values = [1, 3]
 """
 AMPLITUDE = """
 [[uncertain]]
-disturbance = "load"
-amplitude = [-1, 1]
+number = "disturbance.load.scale"
+name = "load amplitude"
+values = [-1, 1]
+nominal = 0
 """
 FALL = """
 [[uncertain]]
-start = "pole angle"
-value = ["-80 deg", "80 deg"]
+number = "run.start.pole angle"
+values = ["-80 deg", "80 deg"]
 [[uncertain]]
-start = "pole rate"
-value = ["-10 rad/s", "10 rad/s"]
+number = "run.start.pole rate"
+values = ["-10 rad/s", "10 rad/s"]
 """
 # The two uncertain numbers of most tests.
 BOTH = INERTIA + AMPLITUDE
@@ -200,9 +202,16 @@ def uncertain(*lines: str) -> str:
     return "\n".join(["[[uncertain]]", *lines, ""])
 
 
-def of(kind: str, name: str, *numbers: str) -> str:
-    """One [[uncertain]] of a part by its name."""
-    return uncertain(f'{kind} = "{name}"', *numbers)
+def of(kind: str, name: str, number: str, *more: str) -> str:
+    """One [[uncertain]] of a part by its name, with a line such as ``damping = [0, 1]``."""
+    field, values = number.split(" = ", 1)
+    owner = "edit" if kind in ("body", "joint", "parameter") else kind
+    lines = [f"values = {values}", *more]
+    if field == "amplitude":
+        # The load is uncertain, and nominally there is none.
+        field = "scale"
+        lines += [f'name = "{name} amplitude"', "nominal = 0"]
+    return uncertain(f'number = "{owner}.{name}.{field}"', *lines)
 
 
 def deviation_below(limit: str) -> str:
@@ -239,11 +248,11 @@ system = "cart_pendulum"
 duration = "0.3 s"
 control_period = "1 ms"
 [[uncertain]]
-start = "pole angle"
-value = ["-80 deg", "80 deg"]
+number = "run.start.pole angle"
+values = ["-80 deg", "80 deg"]
 [[uncertain]]
-start = "pole rate"
-value = ["-10 rad/s", "10 rad/s"]
+number = "run.start.pole rate"
+values = ["-10 rad/s", "10 rad/s"]
 [[controller]]
 law = "fl-lqr"
 [[requirement]]

@@ -84,11 +84,11 @@ k = 8
 epsilon = 9
 switching = "implicit"
 [[uncertain]]
-body = "wrist"
-mass_scale = [0.8, 1.6]
+number = "edit.wrist.mass_scale"
+values = [0.8, 1.6]
 [[uncertain]]
-computing = true
-delay = ["1 ms", "4 ms"]
+number = "computing.delay"
+values = ["1 ms", "4 ms"]
 [[requirement]]
 stays_within = "0.3 rad"
 after = "0.1 s"

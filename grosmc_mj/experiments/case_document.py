@@ -38,7 +38,7 @@ def case_document(case: Any) -> dict[str, Any]:
 def _disturbance_document(disturbance: AnyDisturbance) -> dict[str, Any]:
     """Return a disturbance as plain values."""
     if isinstance(disturbance, Disturbance):
-        document = {"body": disturbance.body, "wrench": list(disturbance.wrench)}
+        document = {"body": disturbance.body, "wrench": list(disturbance.amplitudes)}
     else:
         key = key_name(type(disturbance), disturbance.noun)
         document = {key: disturbance.of, "amplitude": disturbance.amplitudes[0]}

@@ -32,6 +32,7 @@ from grosmc_mj.mechanics.physics.files import body_names, joint_names
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import AnyDisturbance, Pulse
 from grosmc_mj.simulation.loop.timing import TIMES, time_as_run
+from grosmc_mj.theory.plants.parameter_scale import ParameterScale
 
 # An Experiment, whose module imports this one.
 Case = TypeVar("Case")
@@ -45,7 +46,7 @@ _RUN: Mapping[str, Steps] = {
 }
 _EDITS: Mapping[str, Any] = {"body": BodyEdit, "joint": JointEdit, "input": InputEdit}
 # Numbers that no edit has: they are these, or those of the compiled model.
-_WITHOUT_EDIT = {"mass_scale": 1.0, "length_scale": 1.0}
+_WITHOUT_EDIT = {"mass_scale": 1.0, "length_scale": 1.0, "scale": 1.0}
 _OF_JOINTS = {
     "damping": "dof_damping",
     "friction": "dof_frictionloss",
@@ -115,9 +116,7 @@ class Number:
         member = Member(AddedMass, body, len(loads), (("position", at),))
         table = {"body": body, "at": [written(length, "m") for length in at]}
         place = Place("edit", ("added_mass",), body, new=table)
-        return cls(
-            path, "kg", _bounds(AddedMass, "mass") or Range(), ("edits", member, "mass"), place
-        )
+        return cls(path, "kg", Range(0, unit="kg"), ("edits", member, "mass"), place)
 
     def get(self, case: Any) -> float:
         """Return the number in a case, infinite for no limit.
@@ -210,6 +209,11 @@ class Number:
             return time_as_run(self.place.field, value, timestep, control_period)
         return value
 
+    def is_of(self, owner: str, name: str, field: str) -> bool:
+        """Whether it is the field of a table with a name."""
+        place = self.place
+        return (place.owner, place.name, place.field) == (owner, name, field)
+
     @property
     def of_plant(self) -> bool:
         """Whether it changes the plant."""
@@ -282,18 +286,9 @@ def find_number(case: Any, path: str, place: Place) -> Number | None:
     bounds = _bounds(part.kind, field)
     if bounds is None:
         return None
-    unit = _unit(case, part, field, bounds)
+    unit = bounds.unit_in(case.nominal.system, part.of)
     last = Onset() if (part.kind, field) == (Pulse, "onset") else field
     return Number(path, unit, replace(bounds, unit=unit), (*part.steps, last), place)
-
-
-def _unit(case: Any, part: _Part, field: str, bounds: Range) -> str:
-    """Return the unit of a number of a part."""
-    system = case.nominal.system
-    # A disturbance has the name of its label here.
-    if field == "amplitude":
-        return value_at(case, part.steps).unit(system)
-    return bounds.unit_in(system, part.of)
 
 
 def _bounds(kind: Any, field: str) -> Range | None:
@@ -349,8 +344,12 @@ def _part(case: Any, place: Place) -> _Part | None:
     else:
         return None
 
-    part = value_at(case, steps)
-    return _Part(steps, type(part), name) if is_dataclass(part) else None
+    part: Any = value_at(case, steps)
+    if not is_dataclass(part):
+        return None
+    # A disturbance may have the name of its label, on which no unit depends.
+    of = part.of if isinstance(part, AnyDisturbance) else name
+    return _Part(steps, type(part), of)
 
 
 def _edit(case: Any, place: Place) -> _Part | None:
@@ -362,7 +361,9 @@ def _edit(case: Any, place: Place) -> _Part | None:
     name = place.name
     _require_owner(case, owner, name)
     if owner == "parameter":
-        return None
+        return _Part(
+            ("nominal", "scales", Member(ParameterScale, name, place.nth, ())), ParameterScale, name
+        )
 
     kind = _EDITS[owner]
     if place.field in ("added_mass", "at"):
@@ -382,10 +383,12 @@ def _require_owner(case: Any, owner: str, name: str) -> None:
 
     if not isinstance(plant, MujocoPlant):
         raise ArgumentError(f"the plant has no model in MuJoCo, so no {owner}: name a parameter")
+    robot = case.nominal.robot
+    model = plant.model if robot is None else robot.built.model
     if owner == "body":
-        require_known(owner, name, body_names(plant.model))
+        require_known(owner, name, body_names(model))
     if owner == "joint":
-        require_known(owner, name, joint_names(plant.model))
+        require_known(owner, name, joint_names(model))
 
 
 def _without_part(case: Any, number: Number) -> float:

@@ -28,6 +28,7 @@ from grosmc_mj.theory.plants import (
     equilibrium,
     find_system,
 )
+from grosmc_mj.theory.plants.parameter_scale import ParameterScale
 
 if TYPE_CHECKING:
     from grosmc_mj.mechanics.robots.robot import Robot
@@ -49,7 +50,7 @@ class NominalPlant:
 
     plant: AnalyticPlant | MujocoPlant
     robot: Robot | None = None
-    scales: tuple[tuple[str, float], ...] = ()
+    scales: tuple[ParameterScale, ...] = ()
     believed: AnalyticPlant | None = None
     at: OperatingPoint | None = None
 
@@ -115,8 +116,8 @@ class NominalPlant:
         """
         if not isinstance(self.plant, MujocoPlant):
             true = self.plant
-            for parameter, factor in self.scales:
-                true = true.changed(scales={parameter: factor})
+            for factor in self.scales:
+                true = true.changed(scales={factor.parameter: factor.scale})
             return true
         machine = self.plant if self.robot is None else self.robot.built
         physics = _edited(machine, edits, timestep, integrator)
@@ -169,7 +170,7 @@ def nominal_plant(file: CaseFile, folder: Path) -> NominalPlant:
         )
     for scale in scales:
         require_known("parameter", scale.parameter, vars(nominal.plant.parameters), "edit: ")
-    return replace(nominal, scales=tuple((scale.parameter, scale.scale) for scale in scales))
+    return replace(nominal, scales=scales)
 
 
 # A model is compiled once for all experiments on it.

@@ -330,7 +330,7 @@ def uncertain_experiment(experiment: Experiment) -> Experiment | None:
 def _random_plants(uncertain: Experiment, numbers: range) -> tuple[list[Experiment], list[Plant]]:
     """Random cases of an experiment with ``[[uncertain]]`` tables, and their plants."""
     nominal = uncertain.plant(uncertain.nominal.truest)
-    family = family_of(uncertain.file, uncertain, nominal)
+    family = family_of(uncertain.file, uncertain)
     points = random_points(len(family.quantities), _SEED, numbers.start, len(numbers))
     rows = family.values(points).tolist()
     cases = [with_values(uncertain, zip(family.quantities, row, strict=True)) for row in rows]

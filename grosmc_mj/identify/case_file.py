@@ -15,10 +15,13 @@ from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.ground.errors import ModelError
 from grosmc_mj.ground.files import atomic_write
 from grosmc_mj.identify.fit import Fit
+from grosmc_mj.studies.sweep.family import number_of
 from grosmc_mj.studies.sweep.quantities import Quantity
 
 # A fitted number is drawn within so many standard deviations.
 _WITHIN = 5.0
+# A value is written with ten digits: ends of a range that is narrower would be one number.
+_WRITTEN = 1e-8
 # Correlations nearer to 1 than this are left out: rounding of numbers that determine each other.
 _SAME = 1e-9
 
@@ -51,9 +54,9 @@ def case_text(fit: Fit, log: str, path: Path) -> str:
 
     settings = experiment.settings
     for quantity, value, _ in fit.estimates:
-        run_value = quantity.as_run(value, settings.timestep, settings.control_period)
-        case = quantity.changed_case(experiment, run_value)
-        quantity.write(content, run_value, case, _written)
+        number = quantity.number
+        as_run = number.as_run(value, settings.timestep, settings.control_period)
+        number.write(content, as_run, _written)
     kept = _kept_tables(fit, content.get("uncertain", []))
     content["uncertain"] = [*kept.values(), *_fitted_tables(fit)]
     content["correlation"] = [
@@ -100,14 +103,13 @@ def _kept_tables(fit: Fit, declared: Sequence[dict[str, Any]]) -> dict[str, dict
         if half is not None:
             names.add(quantity.name)
             # A number that --fit named by its path may have a name of its own in the file.
-            fitted.add((quantity.owner, quantity.of, quantity.quantity, quantity.at))
+            fitted.add(quantity.number.steps)
 
     kept = {}
-    numbers = fit.parameters.experiment.file.uncertain
-    for table, number in zip(declared, numbers, strict=True):
-        place = (number.owner, number.of, number.quantity, tuple(number.at))
-        if number.called not in names and place not in fitted:
-            kept[number.called] = table
+    experiment = fit.parameters.experiment
+    for content, table in zip(declared, experiment.file.uncertain, strict=True):
+        if table.called not in names and number_of(table, experiment).steps not in fitted:
+            kept[table.called] = content
     return kept
 
 
@@ -118,35 +120,14 @@ def _fitted_tables(fit: Fit) -> list[dict[str, Any]]:
     for quantity, value, half in fit.estimates:
         if half is None:
             continue
-        deviation = next(deviations)
-        size = _written_size(quantity, value)
-        if size:
-            tables.append(_uncertain(quantity, value / size, deviation / abs(size), size))
+        tables.append(_uncertain(quantity, value, next(deviations)))
     return tables
-
-
-def _written_size(quantity: Quantity, value: float) -> float:
-    """The number that a fitted value is written in units of; 0 where it cannot be uncertain.
-
-    The file has the fitted amplitude of a disturbance, factor of a parameter and added mass
-    already. The first two vary by a factor on top; a mass that is less than one in the file cannot
-    be added.
-    """
-    if quantity.owner in ("disturbance", "parameter"):
-        return value
-    return 0.0 if quantity.quantity == "added_mass" else 1.0
 
 
 def _correlation_tables(fit: Fit) -> list[dict[str, Any]]:
     """A table for each pair of fitted numbers."""
-    names = []
-    signs = []
-    for quantity, value, half in fit.estimates:
-        if half is not None:
-            names.append(quantity.name)
-            signs.append(np.sign(_written_size(quantity, value)))
-    correlation = (fit.correlation * np.outer(signs, signs)).tolist()
-
+    names = [quantity.name for quantity, _, half in fit.estimates if half is not None]
+    correlation = fit.correlation.tolist()
     tables = []
     for i, name in enumerate(names):
         for other, coefficient in zip(names[:i], correlation[i], strict=False):
@@ -162,31 +143,30 @@ def _written(value: float, unit: str) -> float | str:
     return f"{value:.10g} {unit}"
 
 
-def _uncertain(quantity: Quantity, value: float, deviation: float, size: float) -> dict[str, Any]:
+def _uncertain(quantity: Quantity, value: float, deviation: float) -> dict[str, Any]:
     """A normal distribution around a fitted value, cut off where the fit's bounds are.
 
     Args:
         quantity: The number.
-        value: Fitted value, in units of ``size``.
-        deviation: Its standard deviation, in the same.
-        size: The unit, in that of the quantity.
+        value: Its fitted value.
+        deviation: Its standard deviation.
     """
-    low, high = sorted(end / size for end in quantity.distribution.support)
-    spread = _WITHIN * deviation
+    low, high = quantity.distribution.support
+    spread = max(_WITHIN * deviation, _WRITTEN * abs(value))
     numbers = {
         "mean": value,
         "deviation": deviation,
         "least": max(low, value - spread),
         "most": min(high, value + spread),
     }
-    distribution = {key: _written(number, quantity.unit) for key, number in numbers.items()}
-
-    of: Any = quantity.of
-    if quantity.owner == "computing":
-        of = True
-    return {
-        quantity.owner: of,
+    values = {key: _written(number, quantity.unit) for key, number in numbers.items()}
+    table = {
+        "number": quantity.number.path,
         "name": quantity.name,
-        quantity.quantity: {"distribution": "normal", **distribution},
+        "values": {"distribution": "normal", **values},
         "nominal": _written(value, quantity.unit),
     }
+    new = quantity.number.place.new or {}
+    if "at" in new:
+        table["at"] = new["at"]
+    return table

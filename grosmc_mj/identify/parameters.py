@@ -9,17 +9,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.file.schema import QUANTITIES, UncertainTable
+from grosmc_mj.experiments.file.schema import UncertainTable
+from grosmc_mj.experiments.number import Number, set_numbers
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.ground.errors import ArgumentError, unknown_name
+from grosmc_mj.ground.errors import ArgumentError, placed, unknown_name
+from grosmc_mj.ground.units import in_units
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.studies.sweep.family import family_of
-from grosmc_mj.studies.sweep.quantities import Quantity, with_values
+from grosmc_mj.studies.sweep.quantities import Quantity
 from grosmc_mj.theory.plants import Plant
 
 # Numbers beside the plant's that a log shows: of a load, how late inputs arrive, how a sensor errs.
 _VISIBLE = (
+    ("disturbance", "scale"),
     ("disturbance", "amplitude"),
     ("computing", "delay"),
     ("actuator", "delay"),
@@ -27,8 +30,6 @@ _VISIBLE = (
     ("sensor", "bias"),
     ("sensor", "scale"),
 )
-# Owners of numbers that stand in an [[edit]].
-_EDITED = ("body", "joint", "parameter")
 # A number without a range is searched from and to so many times its value.
 _RANGE = (0.1, 10.0)
 
@@ -88,16 +89,13 @@ class Parameters:
             values: Of all parameters, (d,).
             base: The plant before any change.
         """
-        of_plant = []
-        case = self.experiment
-        for quantity, value in zip(self.quantities, values, strict=True):
-            if quantity.of_plant:
-                of_plant.append((quantity, float(value)))
-            else:
-                # A delay in a fit is no whole number of timesteps.
-                case = quantity.changed_case(case, float(value))
+        pairs = list(zip(self.quantities, np.asarray(values, float).tolist(), strict=True))
+        # A delay in a fit is no whole number of timesteps.
+        others = [(item.number, value) for item, value in pairs if not item.number.of_plant]
+        case = set_numbers(self.experiment, others)
 
-        of_machine = with_values(self.experiment, of_plant)
+        of_plant = [(item.number, value) for item, value in pairs if item.number.of_plant]
+        of_machine = set_numbers(self.experiment, of_plant)
         if isinstance(base, MujocoPlant):
             plant: Plant = base.changed(*of_machine.edits)
         else:
@@ -116,7 +114,6 @@ def parameters_of(experiment: Experiment, names: Sequence[str]) -> Parameters:
     Raises:
         ArgumentError: If there is no such parameter, or none at all.
     """
-    plant = experiment.plant(experiment.nominal.truest)
     declared = {table.called: table for table in experiment.file.uncertain}
     tables = list(declared.values())
     if names:
@@ -128,7 +125,7 @@ def parameters_of(experiment: Experiment, names: Sequence[str]) -> Parameters:
         )
 
     try:
-        quantities = _quantities(experiment, plant, tables)
+        quantities = _quantities(experiment, tables)
     except ArgumentError as error:
         raise ArgumentError(f"{experiment.path}: {error}") from None
     fitted = [quantity for quantity in quantities if _is_visible(quantity)]
@@ -144,50 +141,34 @@ def parameters_of(experiment: Experiment, names: Sequence[str]) -> Parameters:
     return Parameters(experiment, fitted)
 
 
-def _quantities(
-    experiment: Experiment, plant: Plant, tables: Sequence[UncertainTable]
-) -> Sequence[Quantity]:
+def _quantities(experiment: Experiment, tables: Sequence[UncertainTable]) -> Sequence[Quantity]:
     """The quantities of a case with other [[uncertain]] tables."""
     update = {"uncertain": list(tables), "correlation": []}
     file = experiment.file.model_copy(update=update)
-    return family_of(file, experiment, plant).quantities
+    return family_of(file, experiment).quantities
 
 
 def _is_visible(quantity: Quantity) -> bool:
     """Whether a log can show a number."""
-    return quantity.of_plant or (quantity.owner, quantity.quantity) in _VISIBLE
+    number = quantity.number
+    return number.of_plant or (quantity.owner, number.place.field) in _VISIBLE
 
 
 def _table_of(
     name: str, experiment: Experiment, declared: Mapping[str, UncertainTable]
 ) -> UncertainTable:
-    """The declared table of a name, or the table of a path."""
+    """The declared table of a name, or one of a path, with a wide range around its value."""
     if name in declared:
         return declared[name]
-    return _table_of_path(name, experiment, list(declared))
+    if "." not in name:
+        paths = ["edit.NAME.FIELD", "computing.delay", "disturbance.LABEL.scale"]
+        raise ArgumentError(f"--fit {unknown_name('parameter', name, [*declared, *paths])}")
 
-
-def _table_of_path(path: str, experiment: Experiment, names: Sequence[str]) -> UncertainTable:
-    """The table of a path, with a wide range around the value of the case."""
-    numbers = {number: owner for owner in _EDITED for number in QUANTITIES[owner]}
-    table, _, of_and_quantity = path.partition(".")
-    of, _, quantity = of_and_quantity.rpartition(".")
-    if table != "edit" or quantity not in numbers:
-        paths = [f"edit.NAME.{number}" for number in numbers]
-        raise ArgumentError(f"--fit {unknown_name('parameter', path, [*names, *paths])}")
-
-    owner = numbers[quantity]
-    name = f"{of} {quantity.replace('_', ' ')}"
-    table = UncertainTable.model_validate({owner: of, quantity: list(_RANGE), "name": name})
-    # Numbers of bodies and parameters are factors already.
-    if owner != "joint":
-        return table
-
-    plant = experiment.plant(experiment.nominal.truest)
-    nominal = _quantities(experiment, plant, [table])[0].nominal
-    if nominal <= 0:
+    with placed("--fit "):
+        nominal = Number.of(experiment, name).get(experiment)
+    if not 0 < nominal < math.inf:
         raise ArgumentError(
-            f"--fit {path}: the case has none: give it a range in an [[uncertain]] of the file"
+            f"--fit {name}: the case has none: give it a range in an [[uncertain]] of the file"
         )
-    spread = [factor * nominal for factor in _RANGE]
-    return UncertainTable.model_validate({owner: of, quantity: spread, "name": name})
+    values = in_units([factor * nominal for factor in _RANGE])
+    return UncertainTable(number=name, values=values)

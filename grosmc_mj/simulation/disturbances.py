@@ -264,6 +264,7 @@ class AnyDisturbance:
         words: Beginning of its title.
         profile: Function of t [s].
         label: Name in figures.
+        scale: Factor on its amplitudes.
     """
 
     part: ClassVar[str]
@@ -271,6 +272,7 @@ class AnyDisturbance:
     words: ClassVar[str]
     profile: Profile
     label: str
+    scale: float
 
     @property
     def of(self) -> str:
@@ -286,7 +288,7 @@ class AnyDisturbance:
     def amplitudes(self) -> tuple[float, ...]:
         """Values for a profile of 1: one, or the six of a wrench."""
         of_one_signal: Any = self
-        return (of_one_signal.amplitude,)
+        return (self.scale * of_one_signal.amplitude,)
 
     def scaled(self, factor: float) -> Self:
         """Copy with its amplitudes times a factor."""
@@ -338,6 +340,7 @@ class Disturbance(AnyDisturbance):
         wrench: [force, torque] in N and N m, (6,).
         profile: Function of t [s]; 1 by default.
         label: Name in figures.
+        scale: Factor on amplitude or wrench.
     """
 
     part: ClassVar[str] = "w"
@@ -348,11 +351,12 @@ class Disturbance(AnyDisturbance):
     wrench: Annotated[tuple[float, float, float, float, float, float], Numbers(6), KeyName("")]
     profile: _Profile = Constant()
     label: str = ""
+    scale: Annotated[float, Range()] = 1.0
 
     @property
     def amplitudes(self) -> tuple[float, ...]:
-        """The wrench."""
-        return self.wrench
+        """The wrench, scaled."""
+        return tuple(self.scale * part for part in self.wrench)
 
     def scaled(self, factor: float) -> Self:
         """Copy with its wrench times a factor."""
@@ -375,6 +379,7 @@ class InputDisturbance(AnyDisturbance):
         amplitude: In the unit of the input.
         profile: Function of t [s]; 1 by default.
         label: Name in figures.
+        scale: Factor on amplitude or wrench.
     """
 
     part: ClassVar[str] = "input_disturbance"
@@ -385,6 +390,7 @@ class InputDisturbance(AnyDisturbance):
     amplitude: Annotated[float, Range(unit=INPUT)]
     profile: _Profile = Constant()
     label: str = ""
+    scale: Annotated[float, Range()] = 1.0
 
 
 @checked(label="disturbance")
@@ -401,6 +407,7 @@ class OutputDisturbance(AnyDisturbance):
         amplitude: In the unit of the state.
         profile: Function of t [s]; 1 by default.
         label: Name in figures.
+        scale: Factor on amplitude or wrench.
     """
 
     part: ClassVar[str] = "output_disturbance"
@@ -411,6 +418,7 @@ class OutputDisturbance(AnyDisturbance):
     amplitude: Annotated[float, Range(unit=STATE)]
     profile: _Profile = Constant()
     label: str = ""
+    scale: Annotated[float, Range()] = 1.0
 
 
 @checked(label="disturbance")
@@ -422,6 +430,7 @@ class RateDisturbance(AnyDisturbance):
         amplitude: In the unit of the state per second.
         profile: Function of t [s]; 1 by default.
         label: Name in figures.
+        scale: Factor on amplitude or wrench.
     """
 
     part: ClassVar[str] = "rate_disturbance"
@@ -432,6 +441,7 @@ class RateDisturbance(AnyDisturbance):
     amplitude: Annotated[float, Range(unit=STATE_RATE)]
     profile: _Profile = Constant()
     label: str = ""
+    scale: Annotated[float, Range()] = 1.0
 
 
 def widths(disturbances: Iterable[AnyDisturbance], system: System) -> dict[str, int]:

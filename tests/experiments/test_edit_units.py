@@ -84,8 +84,9 @@ def test_a_unit_that_does_not_fit_is_refused_in_one_line(tmp_path, edit, words) 
     ],
 )
 def test_an_uncertain_number_of_a_joint_may_have_a_unit(tmp_path, spread) -> None:
-    text = f'[[uncertain]]\njoint = "hinge"\nfriction = {spread}\nnominal = "20 mN m"\n'
+    number = f'number = "edit.hinge.friction"\nvalues = {spread}'
+    text = f'[[uncertain]]\n{number}\nnominal = "20 mN m"\n'
     experiment = read(tmp_path, text)
-    (number,) = family_of(experiment.file, experiment, experiment.plant("physics")).quantities
+    (number,) = family_of(experiment.file, experiment).quantities
     assert number.distribution.support == pytest.approx((0.01, 0.03))
     assert number.nominal == pytest.approx(0.02)

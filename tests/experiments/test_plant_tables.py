@@ -20,6 +20,7 @@ from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.ground.errors import ImplausibleWarning
 from grosmc_mj.mechanics.physics.edits import AddedMass
 from grosmc_mj.studies.sweep.runs import Row, run_rows
+from grosmc_mj.theory.plants.parameter_scale import ParameterScale
 
 LEVITATED = """
 [plant]
@@ -174,7 +175,7 @@ def test_a_row_of_a_design_scales_the_edited_parameter_and_not_the_law_s(tmp_pat
     """The true m is 1.5 times 2 times the nominal one."""
     text = OWN.replace('"own:law"\na = 4\nb = 4', '"lqr"')
     edited = load(tmp_path, text)
-    scales = (*edited.nominal.scales, ("m", 2.0))
+    scales = (*edited.nominal.scales, ParameterScale("m", 2.0))
     case = edited.changed(nominal=replace(edited.nominal, scales=scales))
     table = run_rows(edited, [Row("lqr", case=case)], plant="corrected")
 

@@ -38,7 +38,7 @@ TOO_LARGE = [
     '[[edit]]\nbody = "rotor"\nmass_scale = 1e308\n',
     '[[edit]]\njoint = "shaft"\ndamping = 1e308\n',
     '[[actuator]]\nof = "current"\ngain = 1e308\n',
-    '[[uncertain]]\nbody = "rotor"\nmass_scale = [1, 1e308]\n',
+    '[[uncertain]]\nnumber = "edit.rotor.mass_scale"\nvalues = [1, 1e308]\n',
     '[[requirement]]\nalways = "abs(rotor angle) < 1e308 rad"\n',
     '[[requirement]]\nstays_within = "1e308 rad"\n',
     '[[sensor]]\nof = "rotor angle"\nbias = "-1e308 rad"\n',

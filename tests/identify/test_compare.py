@@ -32,6 +32,7 @@ from grosmc_mj.mechanics.physics.edits import AddedMass
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse, SineFrom
 from grosmc_mj.simulation.loop import Loop, Sensor
+from grosmc_mj.studies.sweep.family import family_of
 
 SERVO = MujocoPlant.load("servo")
 TIMESTEP = 1e-3
@@ -117,8 +118,8 @@ run = {{ duration = "5 s" }}
 controller = [{{ law = "lqr" }}]
 disturbance = [{{ {disturbance}, label = "load" }}]
 uncertain = [
-  {{ body = "rotor", mass_scale = [0.3, 4] }},
-  {{ disturbance = "load", amplitude = [-1, 1] }},
+  {{ number = "edit.rotor.mass_scale", values = [0.3, 4] }},
+  {{ number = "disturbance.load.scale", values = [-1, 1], name = "load amplitude", nominal = 0 }},
 ]
 """
 # Of each the torque is -0.1 N m, as that of the log.
@@ -155,12 +156,12 @@ plant = { plant = "own_plant:my_plant" }
 run = { duration = "4 s" }
 controller = [{ law = "lqr" }]
 task = { Q = [100, 1], R = 1 }
-uncertain = [{ parameter = "J", scale = [0.3, 4] }]
+uncertain = [{ number = "edit.J.scale", values = [0.3, 4] }]
 """
 
 
-def test_a_fitted_factor_is_uncertain_around_the_edit_of_the_file(tmp_path: Path) -> None:
-    """A campaign multiplies the factor of the edit, which is the fitted one, by one near 1."""
+def test_a_fitted_factor_is_uncertain_around_that_of_the_edit(tmp_path: Path) -> None:
+    """The factor of the edit is the fitted one, and a campaign draws it anew: not both."""
     shutil.copy(Path(cases.__file__).parent / "own_plant.py", tmp_path)
     path = tmp_path / "mass.toml"
     path.write_text(MASS_CASE, encoding="utf-8")
@@ -175,7 +176,7 @@ def test_a_fitted_factor_is_uncertain_around_the_edit_of_the_file(tmp_path: Path
     write_case(found, "a log", written)
     content = tomllib.loads(written.read_text(encoding="utf-8"))
     assert content["edit"][0]["scale"] == pytest.approx(found.values[0], rel=1e-6)
-    assert content["uncertain"][0]["scale"]["mean"] == pytest.approx(1.0, rel=1e-6)
+    assert content["uncertain"][0]["values"]["mean"] == content["edit"][0]["scale"]
 
 
 ADDED_CASE = """
@@ -184,15 +185,15 @@ plant = { system = "servo" }
 run = { duration = "5 s" }
 controller = [{ law = "lqr" }]
 uncertain = [
-  { joint = "shaft", damping = [0.0005, 0.1] },
-  { body = "rotor", added_mass = ["0 kg", "20 kg"], at = ["0.1 m", "0 m", "0.1 m"] },
+  { number = "edit.shaft.damping", values = [0.0005, 0.1] },
+  { number = "edit.rotor.added_mass", values = ["0 kg", "20 kg"], at = ["0.1 m", "0 m", "0.1 m"] },
 ]
 """
 PLACE = (0.1, 0.0, 0.1)
 
 
-def test_a_fitted_mass_is_an_edit_at_its_place_and_no_longer_uncertain(tmp_path: Path) -> None:
-    """A campaign adds an uncertain mass to those of the edits: the fitted one would act twice."""
+def test_a_fitted_mass_is_an_edit_at_its_place_that_stays_uncertain(tmp_path: Path) -> None:
+    """An uncertain mass at the place of an edit is that edit: the fitted one acts once."""
     path = tmp_path / "added.toml"
     path.write_text(ADDED_CASE, encoding="utf-8")
     experiment = Experiment.load(path)
@@ -206,7 +207,13 @@ def test_a_fitted_mass_is_an_edit_at_its_place_and_no_longer_uncertain(tmp_path:
     content = tomllib.loads(written.read_text(encoding="utf-8"))
     (mass,) = [edit for edit in content["edit"] if "added_mass" in edit]
     assert [float(place.split()[0]) for place in mass["at"]] == list(PLACE)
-    assert not any("added_mass" in table for table in content["uncertain"])
+    machine = Experiment.load(written)
+    family = family_of(machine.file, machine)
+    quantity = family.quantities[family.names.index("rotor added mass")]
+    (mass,) = [edit for edit in machine.edits if isinstance(edit, AddedMass)]
+    assert quantity.nominal == pytest.approx(mass.mass, rel=1e-9)
+    doubled = quantity.number.set(machine, 2 * mass.mass)
+    assert len(doubled.edits) == len(machine.edits)
 
 
 UNSTABLE = gm.affine_plant(
@@ -265,8 +272,8 @@ plant = {{ system = "servo" }}
 run = {{ duration = "5 s" }}
 controller = [{{ law = "lqr" }}]
 uncertain = [
-  {{ body = "rotor", mass_scale = [0.3, 4] }},
-  {{ joint = "shaft", damping = [0.0005, 0.1] }},
+  {{ number = "edit.rotor.mass_scale", values = [0.3, 4] }},
+  {{ number = "edit.shaft.damping", values = [0.0005, 0.1] }},
 ]
 log = {{ loss = "{loss}" }}
 """

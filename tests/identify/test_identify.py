@@ -403,11 +403,15 @@ input = "current"
 amplitude = "0.1A"
 label = "offset"
 [[uncertain]]
-disturbance = "push"
-amplitude = [0, 3]
+number = "disturbance.push.scale"
+name = "push amplitude"
+values = [0, 3]
+nominal = 0
 [[uncertain]]
-disturbance = "offset"
-amplitude = [0, 3]
+number = "disturbance.offset.scale"
+name = "offset amplitude"
+values = [0, 3]
+nominal = 0
 """
 
 
@@ -496,15 +500,18 @@ def test_gaps_that_cut_predictions_short_are_told(log: Log) -> None:
     assert words.endswith("at most, not --horizon 1 s")
 
 
-MASS = '{ body = "rotor", mass_scale = [0.3, 4] }'
-ARMATURE = '{ joint = "shaft", armature = [0, 0.1] }'
-DAMPING = '{ joint = "shaft", damping = [0.001, 0.1] }'
-FRICTION = '{ joint = "shaft", friction = [0, 0.05] }'
-LATE_INPUT = '{ actuator = "current", delay = ["0 ms", "10 ms"] }'
-LATE_SENSOR = '{ sensor = "rotor angle", delay = ["0 ms", "10 ms"] }'
-SCALE = '{ sensor = "rotor angle", scale = [0.5, 2] }'
-BIAS = '{ sensor = "rotor angle", bias = ["-1 rad", "1 rad"] }'
-OFFSET = '{ disturbance = "offset", amplitude = [-0.5, 0.5] }'
+MASS = '{ number = "edit.rotor.mass_scale", values = [0.3, 4] }'
+ARMATURE = '{ number = "edit.shaft.armature", values = [0, 0.1] }'
+DAMPING = '{ number = "edit.shaft.damping", values = [0.001, 0.1] }'
+FRICTION = '{ number = "edit.shaft.friction", values = [0, 0.05] }'
+LATE_INPUT = '{ number = "actuator.current.delay", values = ["0 ms", "10 ms"] }'
+LATE_SENSOR = '{ number = "sensor.rotor angle.delay", values = ["0 ms", "10 ms"] }'
+SCALE = '{ number = "sensor.rotor angle.scale", values = [0.5, 2] }'
+BIAS = '{ number = "sensor.rotor angle.bias", values = ["-1 rad", "1 rad"] }'
+OFFSET = (
+    '{ number = "disturbance.offset.scale", values = [-0.5, 0.5], name = "offset amplitude", '
+    "nominal = 0 }"
+)
 SERVO_CASE = """
 title = "A servo to identify"
 plant = {{ system = "servo" }}
@@ -831,14 +838,14 @@ duration = "5 s"
 [[controller]]
 law = "lqr"
 [[uncertain]]
-body = "rotor"
-mass_scale = [0.3, 4]
+number = "edit.rotor.mass_scale"
+values = [0.3, 4]
 [[uncertain]]
-joint = "shaft"
-damping = [0.0005, 0.1]
+number = "edit.shaft.damping"
+values = [0.0005, 0.1]
 [[uncertain]]
-joint = "shaft"
-friction = [0, 0.5]
+number = "edit.shaft.friction"
+values = [0, 0.5]
 """
 
 

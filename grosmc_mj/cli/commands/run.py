@@ -258,7 +258,7 @@ def _check(experiment: Experiment) -> None:
         from grosmc_mj.studies.sweep.family import family_of
 
         try:
-            family_of(experiment.file, experiment, experiment.nominal.plant)
+            family_of(experiment.file, experiment)
         except GrosmcError as error:
             raise ArgumentError(f"{experiment.path}: {error}") from error
 

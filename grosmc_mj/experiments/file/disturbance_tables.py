@@ -82,9 +82,8 @@ def _disturbance(table: PartTable, system: System, folder: Path) -> AnyDisturban
     if not given:
         raise ArgumentError("it has neither force nor torque")
     wrench = Wrench(**given)
-    return Disturbance(
-        values["body"], (*wrench.force, *wrench.torque), profile, values.get("label", "")
-    )
+    others = {name: values[name] for name in ("label", "scale") if name in values}
+    return Disturbance(values["body"], (*wrench.force, *wrench.torque), profile, **others)
 
 
 def _profile(values: Values, folder: Path) -> Any:

@@ -19,6 +19,7 @@ from pydantic import (
 )
 
 from grosmc_mj.experiments.file.content import Content
+from grosmc_mj.experiments.file.former_keys import uncertain_today
 from grosmc_mj.experiments.file.part_tables import PartTable
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, PART_KINDS
 from grosmc_mj.experiments.logs.table import LogTable
@@ -374,17 +375,6 @@ class ControllerTable(LawTable):
         return self.name or self.law.split(":")[-1]
 
 
-# Quantities that may be uncertain with the unit of their values, by owner; states and the parts of
-# a loop have their own units, and a joint's numbers may be written without one, as in [[edit]].
-QUANTITIES: dict[str, dict[str, str]] = {
-    "body": {"mass_scale": "", "length_scale": "", "added_mass": "kg"},
-    "joint": {"damping": "", "friction": "", "armature": ""},
-    "disturbance": {"amplitude": "", "frequency": "rad/s", "phase": "rad", "onset": "s"},
-    "start": {"value": ""},
-    "parameter": {"scale": ""},
-}
-for _owner in (*LOOP_PARTS, *MACHINE_PARTS):
-    QUANTITIES[_owner] = dict.fromkeys(PART_KINDS[_owner].forms[0].numbers, "")
 _KINDS = ("uniform", "loguniform", "triangular", "normal", "lognormal")
 
 
@@ -436,87 +426,49 @@ def _spread(value: Any) -> list[Any] | DistributionTable:
 Spread = Annotated[Any, BeforeValidator(_spread)]
 
 
-# An optional key for each owner and each of its quantities.
-_owner_fields: dict[str, Any] = {}
-for _quantities in QUANTITIES.values():
-    _owner_fields.update(dict.fromkeys(_quantities, (Spread, None)))
-_owner_fields.update(dict.fromkeys(QUANTITIES, (str | None, None)))
-_OwnersTable = create_model("_OwnersTable", __base__=Table, **_owner_fields)
-
-
-class UncertainTable(_OwnersTable):
+class UncertainTable(Table):
     """``[[uncertain]]``: an unknown number of plant, disturbance, start, loop or machine.
 
-    Its keys are those of its owner in ``QUANTITIES``. The value is a range ``[least, most]``,
-    uniform in between, or a table with a ``distribution``. Times of a loop are rounded to whole
-    timesteps.
+    Times of a loop are rounded to whole timesteps.
 
     Attributes:
-        body: A body of the model.
-        at: Place of an added mass in the body's frame [m], (3,).
-        joint: A joint of the model.
-        disturbance: A disturbance of the file, by its label.
-        start: A state, by its name.
-        parameter: A parameter of a user's own analytic plant.
-        computing: ``true`` for the computer, whose delay, jitter or missed samples are uncertain.
-        sensor: The state of a [[sensor]] of the file.
-        estimator: The state of an [[estimator]].
-        actuator: The input of an [[actuator]].
-        transmission: The joint of a [[transmission]].
-        lugre: The joint of a [[lugre]].
-        drive_friction: The joint of a [[drive_friction]].
-        stop: The joint of a [[stop]].
-        motor: The input of a [[motor]].
-        wall: The body of a [[wall]].
-        name: Name of the number; its owner and the quantity by default.
-        nominal: The value without uncertainty, from which the radius is measured: by default
-            the file's value without this table, and no disturbance.
+        number: Path of the number: ``edit.pole.mass_scale``, ``edit.hinge.damping``,
+            ``run.start.pole angle``, ``disturbance.push.scale``, ``computing.delay``,
+            ``sensor.pole angle.noise``, ``transmission.slider.backlash``.
+        values: A range ``[least, most]``, uniform in between, or a table with a ``distribution``.
+        at: Place of an ``added_mass`` in the body's frame [m], (3,); by default that of the file's
+            only one, or the origin.
+        name: Name of the number in results; NAME and FIELD of its path by default.
+        nominal: The value without uncertainty, from which the radius is measured: by default that
+            of the file.
     """
 
-    computing: Literal[True] | None = None
-    at: Annotated[list[Metres], Three] = [0.0, 0.0, 0.0]
+    number: str
+    values: Spread
+    at: Annotated[list[Metres], Three] | None = None
     name: str = ""
     nominal: Any = None
 
-    @model_validator(mode="after")
-    def _one_number_of_one_owner(self) -> UncertainTable:
-        owner = _owner_of(self, QUANTITIES)
-        valid = QUANTITIES[owner]
-        numbers = sorted(set(valid) & self.model_fields_set)
-        if len(numbers) != 1:
-            raise ValueError(
-                f"give one of {', '.join(valid)}, not {', '.join(numbers) or 'none'}: one "
-                "[[uncertain]] is one number"
-            )
-        if "at" in self.model_fields_set and numbers != ["added_mass"]:
-            raise ValueError("at is where an added_mass is: give it one")
-        return self
-
-    @property
-    def owner(self) -> str:
-        """Kind of thing that the number belongs to, a key of ``QUANTITIES``."""
-        return next(name for name in QUANTITIES if getattr(self, name) is not None)
-
-    @property
-    def of(self) -> str:
-        """Name of the body, joint, disturbance, state, input or parameter."""
-        if self.owner == "computing":
-            return "computing"
-        return getattr(self, self.owner)
-
-    @property
-    def quantity(self) -> str:
-        """Name of the uncertain quantity."""
-        return next(name for name in QUANTITIES[self.owner] if getattr(self, name) is not None)
+    @model_validator(mode="before")
+    @classmethod
+    def _refuse_former(cls, table: Any) -> Any:
+        """Refuse a table as former versions had it, with the one that takes its place."""
+        line = uncertain_today(table)
+        if line is not None:
+            raise ValueError(line)
+        return table
 
     @property
     def called(self) -> str:
         """Name of the uncertain number."""
         if self.name:
             return self.name
-        if self.owner == "start":
-            return self.of
-        return f"{self.of} {self.quantity.replace('_', ' ')}"
+        owner, *words = self.number.split(".")
+        if owner == "run":
+            return words[-1]
+        if owner == "computing":
+            words = [owner, *words]
+        return " ".join([*words[:-1], words[-1].replace("_", " ")])
 
 
 class MeasuredTable(Table):

@@ -199,7 +199,7 @@ class AddedMass(Edit):
     """
 
     body: Name
-    mass: Annotated[float, Range(0, unit="kg", above=True), KeyName("added_mass")]
+    mass: Annotated[float, Range(0, unit="kg"), KeyName("added_mass")]
     position: Annotated[Point, KeyName("at")] = (0.0, 0.0, 0.0)
 
     kind = "load"
@@ -212,6 +212,8 @@ class AddedMass(Edit):
 
     def write(self, spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:
         """Merge the mass into the body's inertia, beside those added before, and draw it."""
+        if self.mass == 0:
+            return
         # Compiled with the edits before this one.
         model = compile_spec(spec)
         index = model.body(self.body).id

@@ -42,7 +42,7 @@ LARGEST_SCALE = 8.0
 # ...and to which part of itself a smaller bound is known.
 _FINE = 1e-3
 # Owners of uncertain numbers that can make a machine impossible; a start can lie beyond a stop.
-_OF_MACHINES = ("body", "joint", "start", *MACHINE_PARTS)
+_OF_MACHINES = ("edit", "run", *MACHINE_PARTS)
 _OF_LOOPS = tuple(LOOP_PARTS)
 
 
@@ -105,7 +105,7 @@ class Campaign:
         with mistakes.gathered():
             experiment.checked()
         with mistakes.gathered():
-            family = family_of(experiment.file, case, experiment.plant(kind))
+            family = family_of(experiment.file, case)
             _refuse_missing_corners(specification, family)
         mistakes.refuse()
 
@@ -142,7 +142,7 @@ class Campaign:
                 raise ArgumentError(
                     f"uncertain: {' and '.join(words)} can occur, where there is no such "
                     f"machine or loop: {str(error).split(MISTAKE_SEPARATOR)[-1]}; narrow the "
-                    "ranges or, where delays must be equal, let that of computing = true vary "
+                    "ranges or, where delays must be equal, let computing.delay vary "
                     "instead"
                 ) from error
 
@@ -227,9 +227,8 @@ class Campaign:
         loop = self.experiment.loop
         if loop is not None and loop.random:
             return True
-        return any(
-            number.of_loop and number.quantity in RANDOM for number in self.family.quantities
-        )
+        numbers = [quantity.number for quantity in self.family.quantities]
+        return any(number.of_loop and number.place.field in RANDOM for number in numbers)
 
     @property
     def duration(self) -> float:
@@ -307,7 +306,7 @@ class Campaign:
         timestep = self.experiment.settings.timestep
         control_period = self.experiment.settings.control_period
         return np.array(
-            [quantity.as_run(value, timestep, control_period) for value in values.tolist()]
+            [quantity.number.as_run(value, timestep, control_period) for value in values.tolist()]
         )
 
     def pairs_as_run(self, values: Array) -> list[tuple[Quantity, float, float]]:
@@ -349,9 +348,9 @@ def _refuse_missing_corners(specification: Specification, family: Family) -> Non
 
 def _onset(disturbance: AnyDisturbance, family: Family) -> tuple[float, float]:
     """Earliest and latest begin of a disturbance [s]."""
-    for number in family.quantities:
-        if number.of == disturbance.label and number.quantity == "onset":
-            return number.distribution.support
+    for quantity in family.quantities:
+        if quantity.number.is_of("disturbance", disturbance.label, "onset"):
+            return quantity.distribution.support
     begin = disturbance.window[0]
     return begin, begin
 

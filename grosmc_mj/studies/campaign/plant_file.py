@@ -16,6 +16,7 @@ import tomli_w
 
 from grosmc_mj.experiments.file.content import Content, read_content
 from grosmc_mj.experiments.file.parts import LOOP_PARTS
+from grosmc_mj.experiments.number import written
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.arrays import Array
@@ -26,7 +27,6 @@ from grosmc_mj.studies.campaign.radius import RADIUS
 from grosmc_mj.studies.campaign.screening import EQUATIONS
 from grosmc_mj.studies.campaign.specification import Specification
 from grosmc_mj.studies.campaign.worst import WORST
-from grosmc_mj.studies.sweep.quantities import written
 
 # Plants that a search has found: the file that has their numbers, and the option that searches.
 SEARCHED = {
@@ -212,13 +212,12 @@ def _content(campaign: Campaign, plant: ChosenPlant) -> Content:
     _run_as(content, campaign.specification)
 
     pairs = campaign.pairs_as_run(plant.values)
-    uncertain_loop = any(quantity.of_loop for quantity, *_ in pairs)
+    uncertain_loop = any(quantity.number.of_loop for quantity, *_ in pairs)
     if uncertain_loop and any(map(experiment.knows_loop, campaign.laws)):
         _keep_known_loop(content)
-    case = campaign.plant_sample(plant.values)
     for quantity, value, _ in pairs:
-        quantity.write(content, value, case)
-    if case.loop is not None:
+        quantity.number.write(content, value)
+    if experiment.loop is not None:
         content.setdefault("computing", {})["run"] = plant.run
     return content
 

@@ -15,6 +15,7 @@ from grosmc_mj.experiments.file.content import read_content
 from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.file.user_code import is_named, named_in
 from grosmc_mj.experiments.films import film_of
+from grosmc_mj.experiments.number import written
 from grosmc_mj.experiments.requirements.signals import DEVIATION, named_units, signals_of
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.errors import ArgumentError
@@ -36,7 +37,6 @@ from grosmc_mj.simulation.disturbances import AnyDisturbance
 from grosmc_mj.studies.disturbance.bounded import BoundedDisturbance
 from grosmc_mj.studies.disturbance.disturbance import AGREES, DisturbanceStudy, watched
 from grosmc_mj.studies.disturbance.row import ENDED, WorstDisturbance
-from grosmc_mj.studies.sweep.quantities import written
 from grosmc_mj.studies.sweep.runs import Row, recorded_runs
 
 # Points of a curve.

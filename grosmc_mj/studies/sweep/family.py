@@ -4,38 +4,29 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy import stats
 
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.file.part_tables import in_model
-from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, unit_of
 from grosmc_mj.experiments.file.schema import (
-    QUANTITIES,
     CaseFile,
     CorrelationTable,
     DistributionTable,
     UncertainTable,
 )
+from grosmc_mj.experiments.number import Number
 from grosmc_mj.experiments.requirements.metrics import may_be_stored
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.ground.errors import ArgumentError, Mistakes
-from grosmc_mj.ground.units import number_in, numbers_of, si_number
+from grosmc_mj.ground.errors import ArgumentError, Mistakes, placed
+from grosmc_mj.ground.units import in_units, number_in
 from grosmc_mj.studies.sweep.distributions import EDGE, distribution
-from grosmc_mj.studies.sweep.quantities import (
-    QUANTITY_KINDS,
-    AddedMassQuantity,
-    Quantity,
-    state_index,
-)
+from grosmc_mj.studies.sweep.quantities import Quantity
 from grosmc_mj.studies.sweep.runs import MARGIN
-from grosmc_mj.theory.plants import Plant, System
 
 # Share of a range without an end that searches leave out there, where nothing is the worst.
 _TAIL = 0.001
@@ -173,13 +164,12 @@ class Family:
         return self.nominal + scale * (values - self.nominal)
 
 
-def family_of(file: CaseFile, case: Experiment, plant: Plant) -> Family:
+def family_of(file: CaseFile, case: Experiment) -> Family:
     """Read the uncertainty that a case file declares.
 
     Args:
         file: The file.
-        case: Its start, edits and disturbances.
-        plant: Its plant, with the file's edits.
+        case: The case whose numbers are uncertain.
 
     Raises:
         ArgumentError: If there is none, a name is unknown, a range impossible or not physical, or
@@ -192,106 +182,86 @@ def family_of(file: CaseFile, case: Experiment, plant: Plant) -> Family:
     mistakes = Mistakes()
     for index, table in enumerate(file.uncertain):
         with mistakes.gathered(f"uncertain {index + 1} ({table.called}): "):
-            quantities.append(_quantity(table, case, plant))
+            quantities.append(_quantity(table, case))
     mistakes.refuse()
 
-    names = [number.name for number in quantities]
-    _refuse_twice("uncertain", [number.place_words for number in quantities])
-    _refuse_twice("called", names)
+    names = [quantity.name for quantity in quantities]
+    steps = [quantity.number.steps for quantity in quantities]
+    for quantity in quantities:
+        if steps.count(quantity.number.steps) > 1:
+            raise ArgumentError(f"uncertain: two are uncertain {quantity.number.path!r}")
+        if names.count(quantity.name) > 1:
+            raise ArgumentError(f"uncertain: two are called {quantity.name!r}")
     for name in names:
         if name in _RESERVED or name.startswith(MARGIN) or may_be_stored(name):
             raise ArgumentError(f"uncertain: {name!r} is a column of the results: give it a name")
     return Family(tuple(quantities), _correlation(file.correlation, names))
 
 
-def _refuse_twice(how: str, texts: Sequence[str]) -> None:
-    """Refuse a text that is there twice."""
-    for text, count in Counter(texts).items():
-        if count > 1:
-            raise ArgumentError(f"uncertain: two are {how} {text!r}")
+def number_of(table: UncertainTable, case: Experiment) -> Number:
+    """Return the number that a table of a case says to be uncertain.
+
+    Raises:
+        ArgumentError: If the case has no such number.
+    """
+    number = Number.of(case, table.number)
+    if table.at is None:
+        return number
+    place = number.place
+    if (place.owner, place.field) != ("edit", "added_mass"):
+        raise ArgumentError("at is where an added_mass is: give it one")
+    return Number.of_mass(case, place.name, tuple(table.at))
 
 
-def _quantity(table: UncertainTable, case: Experiment, plant: Plant) -> Quantity:
-    """Read one uncertain number, with its unit and its nominal value.
+def _quantity(table: UncertainTable, case: Experiment) -> Quantity:
+    """Read one uncertain number, with its nominal value.
 
     Raises:
         ArgumentError: If the case has no such number, or a value that can occur is impossible.
     """
-    owner = table.owner
-    of = table.of
-    unit = _unit_of(owner, of, table.quantity, plant.system)
-    if owner == "joint" and of in plant.system.joints:
-        table = _in_si(table, plant.system.joint_units(of)[table.quantity])
-    if owner in MACHINE_PARTS:
-        of = in_model(of, MACHINE_PARTS[owner].owner, plant.system)
+    number = number_of(table, case)
+    if number.of_file:
+        raise ArgumentError(
+            f"{number.path} is of the laws or of what they must keep: a campaign varies the plant, "
+            "the loop, disturbances and starts"
+        )
+    values = table.values
+    nominal = table.nominal
+    if number.bounds.bare:
+        values = _with_units(values)
+        nominal = in_units(nominal)
 
-    kind = AddedMassQuantity if table.quantity == "added_mass" else QUANTITY_KINDS[owner]
-    x, y, z = table.at
-    number = kind(
-        owner=owner,
-        of=of,
-        quantity=table.quantity,
-        at=(x, y, z),
-        name=table.called,
-        unit=unit,
-        distribution=distribution(getattr(table, table.quantity), unit),
-    )
-    nominal = numbers_of(table, ["nominal"], lambda _: unit).get("nominal")
+    spread_out = distribution(values, number.unit)
     if nominal is None:
-        nominal = number.value(case, plant)
-    number = replace(number, nominal=nominal)
-    _refuse_impossible(number)
-    return number
-
-
-def _unit_of(owner: str, of: str, quantity: str, system: System) -> str:
-    """Unit of a number on a system; empty for a factor.
-
-    Raises:
-        ArgumentError: If the system has no such state, input or joint.
-    """
-    if owner == "start":
-        return system.states[state_index(of, system)].unit
-    if owner in MACHINE_PARTS or owner in LOOP_PARTS:
-        return unit_of(owner, of, quantity, system)
-    return QUANTITIES[owner][quantity]
-
-
-def _refuse_impossible(number: Quantity) -> None:
-    """Refuse a number without nominal value, and values that no plant can have."""
-    quantity = number.quantity
-    if not math.isfinite(number.nominal):
-        raise ArgumentError(f"{quantity} is not limited: write nominal into this [[uncertain]]")
-    for value in (*number.distribution.support, number.nominal):
-        if not number.physical(value):
-            end = "least" if value <= number.bounds.low else "most"
-            raise ArgumentError(
-                f"{quantity.replace('_', ' ')} = {value:g} can occur, but must be "
-                f"{number.bounds.wanted}: cut the distribution off with {end}"
-            )
-
-
-def _in_si(table: UncertainTable, unit: str) -> UncertainTable:
-    """Return the table of a joint's number with its quantities as numbers in an SI unit."""
-    quantity = table.quantity
-    spread = getattr(table, quantity)
-    changes: dict[str, Any] = {}
-    mistakes = Mistakes()
-    if isinstance(spread, DistributionTable):
-        numbers = {}
-        for name, value in spread.model_dump(exclude_unset=True).items():
-            if isinstance(value, str) and name not in ("distribution", "spread"):
-                with mistakes.gathered(f"{name}: "):
-                    numbers[name] = number_in(value, unit)
-        changes[quantity] = spread.model_copy(update=numbers)
+        nominal = number.get(case)
     else:
-        with mistakes.gathered():
-            changes[quantity] = [si_number(value, unit) for value in spread]
-    if table.nominal is not None:
-        with mistakes.gathered("nominal: "):
-            changes["nominal"] = si_number(table.nominal, unit)
-    mistakes.refuse()
-    return table.model_copy(update=changes)
+        with placed("nominal: "):
+            nominal = number_in(nominal, number.unit)
+    quantity = Quantity(number, table.called, spread_out, nominal)
+    _refuse_impossible(quantity)
+    return quantity
+
+
+def _with_units(values: Any) -> Any:
+    """Return a range or a distribution whose numbers are in the unit of what they are of."""
+    if isinstance(values, DistributionTable):
+        numbers = values.model_dump(exclude_unset=True, exclude={"distribution", "spread"})
+        return values.model_copy(update=in_units(numbers))
+    return in_units(values)
+
+
+def _refuse_impossible(quantity: Quantity) -> None:
+    """Refuse a number without nominal value, and values that no plant can have."""
+    field = quantity.number.place.field
+    if not math.isfinite(quantity.nominal):
+        raise ArgumentError(f"{field} is not limited: write nominal into this [[uncertain]]")
+    for value in (*quantity.distribution.support, quantity.nominal):
+        if not quantity.physical(value):
+            end = "least" if value <= quantity.bounds.low else "most"
+            raise ArgumentError(
+                f"{field.replace('_', ' ')} = {value:g} can occur, but must be "
+                f"{quantity.bounds.wanted}: cut the distribution off with {end}"
+            )
 
 
 def _correlation(tables: Sequence[CorrelationTable], names: Sequence[str]) -> Array:

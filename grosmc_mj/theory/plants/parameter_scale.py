@@ -18,3 +18,8 @@ class ParameterScale:
 
     parameter: Name
     scale: Annotated[float, Range()]
+
+    @property
+    def of(self) -> str:
+        """Name of the parameter."""
+        return self.parameter

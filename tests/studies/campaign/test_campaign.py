@@ -37,7 +37,7 @@ NOT_DEFINITE = (
 NUMBERS = [
     (of("body", "world", "mass_scale = [1, 2]"), "unknown body 'world': valid: rotor"),
     (of("disturbance", "lod", "amplitude = [1, 2]"), "did you mean 'load'?"),
-    (of("disturbance", "load", 'phase = ["0 rad", "1 rad"]'), "a Pulse profile has no phase"),
+    (of("disturbance", "load", 'phase = ["0 rad", "1 rad"]'), "unknown number 'phase'"),
     (of("parameter", "J", "scale = [1, 2]"), "name a body or joint instead"),
     (scale("[1, 1]"), "uniform: least 1, most 1 is no distribution: least must be below most"),
     (scale('{ distribution = "normal", mean = 1 }'), "normal needs mean and deviation and may"),
@@ -47,14 +47,14 @@ NUMBERS = [
     (scale('{ distribution = "lognormal", median = -1, spread = 1 }'), "is no distribution"),
     (scale("[0, 1]"), "0 can occur, but must be finite and positive: cut the distribution off"),
     (scale(f"{{ {NORMAL} }}"), "= -inf can occur, but must be finite and positive: cut the"),
-    (scale("[1, 1e308]"), "mass_scale: 1e+308 is too large: write 1e+100 at most"),
+    (scale("[1, 1e308]"), "values: 1e+308 is too large: write 1e+100 at most"),
     (of("disturbance", "load", "amplitude = [-1e308, 1e308]"), "-1e+308 is too large: write"),
     (scale('{ distribution = "lognormal", median = 1, spread = 40 }'), "e+142 can occur, but"),
     (of("body", "rotor", 'added_mass = [1, "2 kg"]'), 'least: 1 has no unit: write "1 kg"'),
-    (of("body", "rotor"), "give one of mass_scale, length_scale, added_mass, not none"),
-    (uncertain("mass_scale = [1, 2]"), "name one of body, joint, disturbance, start, parameter"),
+    (uncertain('number = "edit.rotor.mass_scale"'), "values is missing"),
+    (uncertain("values = [1, 2]"), "number is missing"),
     (scale("[1, 2]", 'at = ["0 m", "0 m", "1 m"]'), "at is where an added_mass is"),
-    (BOTH + INERTIA, "two are uncertain 'rotor mass_scale'"),
+    (BOTH + INERTIA, "two are uncertain 'edit.rotor.mass_scale'"),
     (scale("[1, 2]", 'name = "a"') + DAMPING + 'name = "a"\n', "two are called 'a'"),
     (scale("[1, 2]", 'name = "deviation"'), "'deviation' is a column of the results"),
     ("", "nothing is uncertain: give it an [[uncertain]]"),
@@ -64,7 +64,7 @@ NUMBERS = [
 ]
 MACHINES = [
     (("motor", "current", 'resistance = ["0 ohm", "1 ohm"]'), "= 0 can occur, but must be from"),
-    (("wall", "roter", "restitution = [0.1, 0.2]"), "the file has no [[wall]] of 'roter'"),
+    (("wall", "roter", "restitution = [0.1, 0.2]"), "unknown wall 'roter': did you mean 'rotor'?"),
     (("motor", "current", 'voltage = ["9 V", "24 V"]'), "voltage is not limited: write"),
     # Together with the other numbers of the file.
     (
@@ -99,10 +99,10 @@ predict = true
 SENSOR_DELAY = of("sensor", "rotor angle", 'delay = ["0 ms", "2 ms"]')
 LONG_DELAY = """
 [[uncertain]]
-computing = true
-delay = { distribution = "normal", mean = "1 ms", deviation = "20 s", least = "0 s" }
+number = "computing.delay"
+values = { distribution = "normal", mean = "1 ms", deviation = "20 s", least = "0 s" }
 """
-MISSED = uncertain("computing = true", "missed = [0.5, 1.0]")
+MISSED = uncertain('number = "computing.missed"', "values = [0.5, 1.0]")
 LAG = of("actuator", "current", 'lag = ["0 ms", "1 ms"]')
 LATE_ERROR = """
 [[requirement]]
@@ -112,17 +112,17 @@ after = "49.5 ms"
 TEXTS = [
     *((plain(tables), words) for tables, words in NUMBERS),
     *((standing(of(*table), MACHINE), words) for table, words in MACHINES),
-    (standing(2 * COULOMB, MACHINE), "two are uncertain 'lugre shaft coulomb'"),
-    (standing(RADIUS, MACHINE + SECOND_WALL), "the file has 2 [[wall]] of 'rotor'"),
-    (standing(SENSOR_DELAY, PREDICTS), "let that of computing = true vary instead"),
+    (standing(2 * COULOMB, MACHINE), "two are uncertain 'lugre.shaft.coulomb'"),
+    (standing(RADIUS, MACHINE + SECOND_WALL), "write wall.rotor[1].radius or wall.rotor[2].radius"),
+    (standing(SENSOR_DELAY, PREDICTS), "let computing.delay vary instead"),
     (standing(LONG_DELAY, PREDICTS), "at most 100000"),
     (standing(SPEED_NOISE, LOOP), "unknown sensor"),
     (standing(MISSED, LOOP), "missed = 1 can occur"),
     (
         standing(LAG, small.LQR),
-        "the case file has no actuator, of which this is a number: write one",
+        "the case file has no [[actuator]]: write one",
     ),
-    (plain() + small.PUSH, "two disturbances have the label 'load': give each its own"),
+    (plain() + small.PUSH, "write disturbance.load[1].scale or disturbance.load[2].scale"),
     (
         plain() + LATE_ERROR,
         "an error after 0.0495 s: the last timestep of a run begins at 0.049 s",
@@ -163,11 +163,11 @@ def test_correlated_numbers_have_no_corners() -> None:
 
 DAMPING_OF_BOTH = """
 [[uncertain]]
-lugre = "shaft"
-damping = ["0 N m s/rad", "1 N m s/rad"]
+number = "lugre.shaft.damping"
+values = ["0 N m s/rad", "1 N m s/rad"]
 [[uncertain]]
-transmission = "shaft"
-damping = ["0 N m s/rad", "1 N m s/rad"]
+number = "transmission.shaft.damping"
+values = ["0 N m s/rad", "1 N m s/rad"]
 """
 
 
@@ -182,19 +182,19 @@ def test_a_name_of_its_own_tells_two_numbers_apart() -> None:
 
 FOUR_MISTAKES = """
 [[uncertain]]
-body = "roter"
-mass_scale = [1, 2]
+number = "edit.roter.mass_scale"
+values = [1, 2]
 [[uncertain]]
-joint = "shaf"
-damping = [0, 1]
+number = "edit.shaf.damping"
+values = [0, 1]
 """
 UNKNOWN_KEYS = """
 [[uncertain]]
-body = "roter"
-mass_scal = [1, 2]
+number = "edit.roter.mass_scal"
+values = [1, 2]
 [[uncertain]]
-joint = "shaf"
-dampin = [0, 1]
+number = "edit.shaf.dampin"
+values = [0, 1]
 """
 UNKNOWN_LAW = """
 [[controller]]

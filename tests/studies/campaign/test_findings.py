@@ -478,8 +478,8 @@ def test_a_map_is_over_the_named_numbers(servo_findings: Findings) -> None:
 
 PHASE = """
 [[uncertain]]
-disturbance = "hum"
-phase = ["0 rad", "1 rad"]
+number = "disturbance.hum.phase"
+values = ["0 rad", "1 rad"]
 """
 
 

@@ -25,6 +25,7 @@ from campaign_cases import (
 from case_texts import LEG_MODEL
 
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.number import written
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements.metrics import DEFINITIONS
 from grosmc_mj.ground.units import number_in
@@ -34,7 +35,6 @@ from grosmc_mj.studies.campaign.folder import Folder
 from grosmc_mj.studies.campaign.plant_file import ChosenPlant, case_text, find_plant, searched_plant
 from grosmc_mj.studies.campaign.screening import screening_of
 from grosmc_mj.studies.campaign.work import part_runner
-from grosmc_mj.studies.sweep.quantities import written
 from grosmc_mj.studies.sweep.runs import MARGIN, Outcomes, Row, run_rows
 
 STORED = [name for name, definition in DEFINITIONS.items() if definition.stored]
@@ -42,31 +42,31 @@ DAMPING = of("joint", "shaft", "damping = [0, 1]")
 # All that a predicting law would otherwise take from the drawn loop.
 DELAYS = """
 [[uncertain]]
-sensor = "rotor angle"
-noise = ["0 mrad", "0.3 mrad"]
+number = "sensor.rotor angle.noise"
+values = ["0 mrad", "0.3 mrad"]
 [[uncertain]]
-computing = true
-delay = ["1 ms", "4 ms"]
+number = "computing.delay"
+values = ["1 ms", "4 ms"]
 [[uncertain]]
-actuator = "current"
-limit = ["3 A", "4 A"]
+number = "actuator.current.limit"
+values = ["3 A", "4 A"]
 [[uncertain]]
-actuator = "current"
-lag = ["1 ms", "2 ms"]
+number = "actuator.current.lag"
+values = ["1 ms", "2 ms"]
 """
 PARTS = """
 [[uncertain]]
-lugre = "shaft"
-coulomb = ["0.05 N m", "0.06 N m"]
+number = "lugre.shaft.coulomb"
+values = ["0.05 N m", "0.06 N m"]
 [[uncertain]]
-motor = "current"
-resistance = ["2 ohm", "3 ohm"]
+number = "motor.current.resistance"
+values = ["2 ohm", "3 ohm"]
 [[uncertain]]
-transmission = "shaft"
-backlash = ["0 mrad", "1 mrad"]
+number = "transmission.shaft.backlash"
+values = ["0 mrad", "1 mrad"]
 [[uncertain]]
-wall = "rotor"
-radius = ["1 cm", "2 cm"]
+number = "wall.rotor.radius"
+values = ["1 cm", "2 cm"]
 """
 # Sine, start, length and a point mass, on a plant with several inputs.
 TWO_LINKS = """
@@ -83,21 +83,23 @@ profile = "sine"
 frequency = "1 Hz"
 label = "tip"
 [[uncertain]]
-body = "payload"
-added_mass = ["0 kg", "1 kg"]
+number = "edit.payload.added_mass"
+values = ["0 kg", "1 kg"]
 at = ["1 cm", "0 m", "0 m"]
 [[uncertain]]
-disturbance = "tip"
-amplitude = [0, 1]
+number = "disturbance.tip.scale"
+name = "tip amplitude"
+values = [0, 1]
+nominal = 0
 [[uncertain]]
-disturbance = "tip"
-frequency = ["0.5 Hz", "2 Hz"]
+number = "disturbance.tip.frequency"
+values = ["0.5 Hz", "2 Hz"]
 [[uncertain]]
-disturbance = "tip"
-phase = ["0 deg", "360 deg"]
+number = "disturbance.tip.phase"
+values = ["0 deg", "360 deg"]
 [[uncertain]]
-start = "shoulder angle"
-value = ["0.5 rad", "0.7 rad"]
+number = "run.start.shoulder angle"
+values = ["0.5 rad", "0.7 rad"]
 [[controller]]
 law = "pd"
 [[requirement]]
@@ -128,11 +130,15 @@ measured = "rotor angle"
 amplitude = "2 mrad"
 label = "glitch"
 [[uncertain]]
-disturbance = "ripple"
-amplitude = [0, 1]
+number = "disturbance.ripple.scale"
+name = "ripple amplitude"
+values = [0, 1]
+nominal = 0
 [[uncertain]]
-disturbance = "glitch"
-amplitude = [-1, 1]
+number = "disturbance.glitch.scale"
+name = "glitch amplitude"
+values = [-1, 1]
+nominal = 0
 """
 
 CAMPAIGNS = {
@@ -301,11 +307,13 @@ law = "lqr"
 [[requirement]]
 stays_within = "1 rad"
 [[uncertain]]
-parameter = "m"
-scale = [0.5, 2]
+number = "edit.m.scale"
+values = [0.5, 2]
 [[uncertain]]
-disturbance = "load"
-amplitude = [-1, 1]
+number = "disturbance.load.scale"
+name = "load amplitude"
+values = [-1, 1]
+nominal = 0
 """
 ROBOT_CASE = """
 plant = { model = "leg.xml" }
@@ -316,8 +324,8 @@ law = "lqr"
 [[requirement]]
 input_below = "100 N m"
 [[uncertain]]
-body = "thigh"
-mass_scale = [1, 2]
+number = "edit.thigh.mass_scale"
+values = [1, 2]
 """
 
 

@@ -15,8 +15,8 @@ from campaign_cases import (
     campaign,
     deviation_below,
     mass_scale,
+    of,
     servo,
-    uncertain,
 )
 from commands import Patch
 
@@ -96,7 +96,7 @@ def test_the_numbers_that_the_shrunk_plant_needs_are_named(found: WorstPlant) ->
     assert found.changed == tuple(np.array(family.names)[needed])
 
 
-PHASE = uncertain('disturbance = "hum"', 'phase = ["0 rad", "1 rad"]')
+PHASE = of("disturbance", "hum", 'phase = ["0 rad", "1 rad"]')
 
 
 def test_numbers_that_play_no_part_are_made_nominal() -> None:
@@ -258,8 +258,10 @@ torque = ["0 N m", "1 N m", "0 N m"]
 label = "load"
 profile = "constant"
 [[uncertain]]
-disturbance = "load"
-amplitude = [-1, 1]
+number = "disturbance.load.scale"
+name = "load amplitude"
+values = [-1, 1]
+nominal = 0
 [[controller]]
 law = "lqr"
 [[requirement]]

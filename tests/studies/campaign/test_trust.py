@@ -268,8 +268,8 @@ law = "lqr"
 [[requirement]]
 input_below = "100 N m"
 [[uncertain]]
-body = "thigh"
-mass_scale = [1, 2]
+number = "edit.thigh.mass_scale"
+values = [1, 2]
 """
 
 

@@ -145,23 +145,25 @@ damping = 0.3
 """
 SIX_NUMBERS = """
 [[uncertain]]
-body = "rotor"
-mass_scale = [1, 3]
+number = "edit.rotor.mass_scale"
+values = [1, 3]
 [[uncertain]]
-disturbance = "load"
-amplitude = [-1, 1]
+number = "disturbance.load.scale"
+name = "load amplitude"
+values = [-1, 1]
+nominal = 0
 [[uncertain]]
-joint = "shaft"
-damping = [0, 1]
+number = "edit.shaft.damping"
+values = [0, 1]
 [[uncertain]]
-disturbance = "load"
-onset = ["0.01 s", "0.03 s"]
+number = "disturbance.load.onset"
+values = ["0.01 s", "0.03 s"]
 [[uncertain]]
-disturbance = "hum"
-frequency = ["0.5 Hz", "2 Hz"]
+number = "disturbance.hum.frequency"
+values = ["0.5 Hz", "2 Hz"]
 [[uncertain]]
-start = "rotor speed"
-value = ["-1 rad/s", "3 rad/s"]
+number = "run.start.rotor speed"
+values = ["-1 rad/s", "3 rad/s"]
 """
 
 

@@ -30,8 +30,8 @@ profile = "pulse"
 start = "0 s"
 stop = "0.1 s"
 [[uncertain]]
-body = "rotor"
-mass_scale = [1, 3]
+number = "edit.rotor.mass_scale"
+values = [1, 3]
 [[controller]]
 law = "lqr"
 [computing]

@@ -1,6 +1,5 @@
 """Values of uncertain numbers reach the plant, its machine, its loop, disturbances and start."""
 
-from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -14,20 +13,18 @@ from campaign_cases import LQR, MACHINE, campaign, of, plain, servo, standing
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.mechanics.machine import Motor
 from grosmc_mj.mechanics.physics.edits import AddedMass, BodyEdit, JointEdit
-from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import Pulse, SineFrom
 from grosmc_mj.studies.campaign.batch import Batch
 from grosmc_mj.studies.campaign.campaign import Campaign
 from grosmc_mj.studies.campaign.map import PassMap, pass_map_of
 from grosmc_mj.studies.campaign.radius import radius
-from grosmc_mj.studies.sweep.family import family_of
 from grosmc_mj.studies.sweep.quantities import Quantity
 from grosmc_mj.studies.sweep.runs import plant_of
 
 ADDED_MASS = """
 [[uncertain]]
-body = "rotor"
-added_mass = ["0 kg", "1 kg"]
+number = "edit.rotor.added_mass"
+values = ["0 kg", "1 kg"]
 """
 AWAY = 'at = ["0.3 m", "0 m", "0.4 m"]\n'
 LENGTH = of("body", "rotor", "length_scale = [1, 2]")
@@ -94,17 +91,19 @@ def test_an_added_mass_adds_its_inertia_about_the_shaft() -> None:
     assert growth == pytest.approx(0.2 * (0.3**2 + 0.4**2), rel=1e-12)
 
 
-def test_no_added_mass_is_no_edit() -> None:
-    assert sample(ADDED_MASS + AWAY, 0.0).edits == ()
+def test_an_added_mass_of_zero_changes_nothing() -> None:
+    nominal, unchanged = models(ADDED_MASS + AWAY, 0.0)
+    assert unchanged.body_inertia.tolist() == nominal.body_inertia.tolist()
+    assert unchanged.body_mass.tolist() == nominal.body_mass.tolist()
 
 
 MASS_AND_FRICTION = """
 [[uncertain]]
-body = "rotor"
-mass_scale = [1, 2]
+number = "edit.rotor.mass_scale"
+values = [1, 2]
 [[uncertain]]
-joint = "shaft"
-friction = [0, 1]
+number = "edit.shaft.friction"
+values = [0, 1]
 """
 
 
@@ -148,17 +147,17 @@ def test_a_pulse_with_another_onset_keeps_its_length() -> None:
 
 HUM_AND_START = """
 [[uncertain]]
-disturbance = "hum"
-frequency = ["1 Hz", "2 Hz"]
+number = "disturbance.hum.frequency"
+values = ["1 Hz", "2 Hz"]
 [[uncertain]]
-disturbance = "hum"
-phase = ["0 deg", "9 deg"]
+number = "disturbance.hum.phase"
+values = ["0 deg", "9 deg"]
 [[uncertain]]
-disturbance = "hum"
-onset = ["0 s", "1 s"]
+number = "disturbance.hum.onset"
+values = ["0 s", "1 s"]
 [[uncertain]]
-start = "rotor speed"
-value = ["-1 rad/s", "1 rad/s"]
+number = "run.start.rotor speed"
+values = ["-1 rad/s", "1 rad/s"]
 """
 
 
@@ -182,20 +181,20 @@ def test_the_onset_of_a_case_is_that_of_its_first_disturbance() -> None:
 
 MACHINE_NUMBERS = """
 [[uncertain]]
-transmission = "shaft"
-backlash = ["0 deg", "0.2 deg"]
+number = "transmission.shaft.backlash"
+values = ["0 deg", "0.2 deg"]
 [[uncertain]]
-lugre = "shaft"
-coulomb = ["30 mN m", "70 mN m"]
+number = "lugre.shaft.coulomb"
+values = ["30 mN m", "70 mN m"]
 [[uncertain]]
-motor = "current"
-resistance = ["2 ohm", "3 ohm"]
+number = "motor.current.resistance"
+values = ["2 ohm", "3 ohm"]
 [[uncertain]]
-wall = "rotor"
-radius = ["0.5 cm", "1.5 cm"]
+number = "wall.rotor.radius"
+values = ["0.5 cm", "1.5 cm"]
 [[uncertain]]
-stop = "shaft"
-restitution = [0.1, 0.5]
+number = "stop.shaft.restitution"
+values = [0.1, 0.5]
 """
 
 
@@ -262,11 +261,11 @@ resistance = "2 ohm"
 
 def test_an_input_is_uncertain_by_the_name_that_files_call_it() -> None:
     resistance = of("motor", "elbow torque", 'resistance = ["1 ohm", "3 ohm"]')
-    file = small.specification(standing(resistance, ELBOW_MOTOR + LQR, "two_link_arm")).file
-    edited = replace(campaign(plain()).experiment, edits=(Motor("elbow_torque", 0.1, 2.0),))
-    (number,) = family_of(file, edited, MujocoPlant.load("two_link_arm")).quantities
-    assert (number.of, number.nominal) == ("elbow_torque", 2.0)
-    assert number.name == "elbow torque resistance"
+    declared = campaign(standing(resistance, ELBOW_MOTOR + LQR, "two_link_arm"))
+    (quantity,) = declared.family.quantities
+    (motor,) = [edit for edit in declared.plant_sample([2.5]).edits if isinstance(edit, Motor)]
+    assert (motor.input, motor.resistance) == ("elbow_torque", 2.5)
+    assert quantity.name == "elbow torque resistance"
 
 
 COULOMB = of("lugre", "shaft", 'coulomb = ["40 mN m", "60 mN m"]')
@@ -293,17 +292,17 @@ def test_a_radius_is_searched_up_to_the_largest_scale() -> None:
 
 LOOP_NUMBERS = """
 [[uncertain]]
-computing = true
-delay = ["0 ms", "4 ms"]
+number = "computing.delay"
+values = ["0 ms", "4 ms"]
 [[uncertain]]
-sensor = "rotor angle"
-noise = ["0 mrad", "0.3 mrad"]
+number = "sensor.rotor angle.noise"
+values = ["0 mrad", "0.3 mrad"]
 [[uncertain]]
-estimator = "rotor speed"
-bandwidth = ["50 rad/s", "200 rad/s"]
+number = "estimator.rotor speed.bandwidth"
+values = ["50 rad/s", "200 rad/s"]
 [[uncertain]]
-actuator = "current"
-lag = ["0 ms", "3 ms"]
+number = "actuator.current.lag"
+values = ["0 ms", "3 ms"]
 """
 
 

@@ -58,8 +58,8 @@ duration = "0.05 s"
 control_period = "1 ms"
 start = { "cart speed" = "50 nm/s" }
 [[uncertain]]
-body = "pole"
-mass_scale = [1, 3]
+number = "edit.pole.mass_scale"
+values = [1, 3]
 [[controller]]
 law = "lqr"
 [[requirement]]
@@ -88,8 +88,8 @@ frequency = "1 Hz"
 onset = "5 s"
 label = "hum"
 [[uncertain]]
-body = "rotor"
-mass_scale = [1, 3]
+number = "edit.rotor.mass_scale"
+values = [1, 3]
 [[controller]]
 law = "lqr"
 [[requirement]]
@@ -112,8 +112,8 @@ Q = [4, 1]
 [[requirement]]
 input_below = "9 A"
 [[uncertain]]
-body = "rotor"
-mass_scale = [1, 3]
+number = "edit.rotor.mass_scale"
+values = [1, 3]
 """
 DELAYED = """
 [computing]
@@ -127,8 +127,8 @@ duration = "0.05 s"
 control_period = "1 ms"
 start = { "shoulder angle" = "0.6 rad", "elbow angle" = "-1.2 rad" }
 [[uncertain]]
-body = "lower"
-mass_scale = [1, 3]
+number = "edit.lower.mass_scale"
+values = [1, 3]
 [[controller]]
 law = "lqr"
 [[controller]]
@@ -150,8 +150,8 @@ state = "rotor speed"
 rms_below = "10 rad/s"
 after = "0.1 s"
 [[uncertain]]
-body = "rotor"
-mass_scale = [1, 3]
+number = "edit.rotor.mass_scale"
+values = [1, 3]
 """
 CASES = [
     (servo(INERTIA, limits=KINDS), "lqr"),
@@ -356,8 +356,8 @@ control_period = "1 ms"
 start = {{ "rotor angle" = "1 rad" }}
 {LOAD}
 [[uncertain]]
-body = "rotor"
-mass_scale = [1, 3]
+number = "edit.rotor.mass_scale"
+values = [1, 3]
 [[controller]]
 law = "lqr"
 [[requirement]]
