@@ -169,7 +169,7 @@ reference = ['''sin("{escaped}")''']
 """
     )
     assert run("run", case) == cli.WRONG
-    assert "is no formula in t" in capsys.readouterr().err
+    assert "at character 5, may have t" in capsys.readouterr().err
     assert not canary.exists()
 
 

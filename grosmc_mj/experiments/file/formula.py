@@ -1,27 +1,24 @@
-"""Formulas in t or in states, read by a grammar of their own: no part of one is ever executed.
+"""Formulas in t or in states as expressions of sympy.
 
-sympy's parser evaluates what it reads, so text never reaches it: Python's grammar makes a tree,
-and only the kinds of nodes below become an expression. Sizes are bounded on the way, since sympy
-computes exactly: ``9**9**9`` would not end.
+sympy's parser evaluates what it reads, so text never reaches it: the grammar makes a tree, and only
+the kinds of nodes below become an expression. Sizes are bounded on the way, since sympy computes
+exactly: ``9**9**9`` would not end.
 """
 
 from __future__ import annotations
 
-import ast
 import math
 import operator
-import re
-import warnings
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import sympy as sp
 
 from grosmc_mj.ground.errors import ArgumentError, value_text
+from grosmc_mj.ground.grammar import Grammar, Node
 from grosmc_mj.ground.units import LARGEST, number_in
 
-# Characters of a formula, its parts, and the depth of their nesting.
-_LONGEST = 1000
+# Parts of a formula, and the depth of their nesting.
 _MOST_PARTS = 200
 _DEEPEST = 40
 # Product of the exponents that stand on each other in a part.
@@ -43,9 +40,8 @@ _UNITS = {
     "s": "s",
     "Hz": "rad/s",
 }
-_QUANTITY = re.compile(
-    r"(?<![\w.])(\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)\s+(" + "|".join(_UNITS) + r")\b(?!\s*\()"
-)
+# The blank tells a number of a unit from a slip.
+_UNIT = rf"\s+(?:{'|'.join(_UNITS)})\b(?!\s*\()"
 
 FUNCTIONS = (
     "sin",
@@ -64,17 +60,16 @@ FUNCTIONS = (
 STEP = "step"
 """Function of references in t: 0 before the zero of its argument, 1 from it on."""
 _CONSTANTS = {"pi": sp.pi}
-_OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.Pow: operator.pow,
+_OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
 }
-_SIGNS: dict[type[ast.unaryop], Callable[[Any], Any]] = {
-    ast.UAdd: operator.pos,
-    ast.USub: operator.neg,
-}
+_SIGNS: dict[str, Callable[[Any], Any]] = {"+": operator.pos, "-": operator.neg}
+_STRENGTHS = {"+": 1, "-": 1, "*": 2, "/": 2, "**": 4}
+# -t**2 is -(t**2).
+_OF_SIGN = 3
 
 
 class _Part(NamedTuple):
@@ -100,13 +95,6 @@ class _Part(NamedTuple):
         return float(self.exact)
 
 
-def _converted(match: re.Match[str]) -> str:
-    """Return a number with a unit as the number in rad, m, s or rad/s."""
-    number = match[1]
-    unit = match[2]
-    return repr(number_in(f"{number} {unit}", _UNITS[unit]))
-
-
 def formula(text: str, *symbols: sp.Symbol, steps: bool = False) -> sp.Expr:
     """Return the expression that a text describes.
 
@@ -120,28 +108,23 @@ def formula(text: str, *symbols: sp.Symbol, steps: bool = False) -> sp.Expr:
     Raises:
         ArgumentError: If it has something else, is too large, or has no finite real value.
     """
-    if len(text) > _LONGEST:
-        raise ArgumentError(
-            f"{value_text(text)} has {len(text)} characters, a formula may have {_LONGEST}"
-        )
     names = {symbol.name: symbol for symbol in symbols}
-    plain = text.strip()
-    # The longest first: a name may be a part of another one.
-    for name in sorted(names, key=len, reverse=True):
-        if " " in name:
-            plain = re.sub(rf"\b{re.escape(name)}\b", name.replace(" ", "_"), plain)
-    plain = _QUANTITY.sub(_converted, plain)
-
+    functions = (*FUNCTIONS, STEP) if steps else FUNCTIONS
+    grammar = Grammar(
+        names=[*names, *_CONSTANTS],
+        functions=functions,
+        operators=_STRENGTHS,
+        prefixes=dict.fromkeys(_SIGNS, _OF_SIGN),
+        # 2**3**4 is 2**(3**4).
+        from_right=("**",),
+        units=_UNIT,
+    )
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            tree = ast.parse(plain, mode="eval").body
-    # Besides text that is no Python: too many brackets, and text that only warns, such as 1if.
-    except (SyntaxError, ValueError, MemoryError, RecursionError, Warning):
-        raise ArgumentError(f"{value_text(text)} is no formula in {', '.join(names)}") from None
-
-    try:
-        return _Builder(names, steps=steps).part(tree, 0).exact
+        tree = grammar.read(text)
+        return _Builder(names).part(tree, 0).exact
+    except ArgumentError as error:
+        hint = ": a power is written **" if "'^'" in str(error) else ""
+        raise ArgumentError(f"{value_text(text)} {error}{hint}") from None
     except _NoFormulaError as error:
         raise ArgumentError(f"{value_text(text)} {error}") from None
     except (ArithmeticError, ValueError):
@@ -157,16 +140,13 @@ class _Builder:
 
     Args:
         symbols: Symbols that may be in it, by their names.
-        steps: Whether it may have ``step``.
     """
 
-    def __init__(self, symbols: Mapping[str, sp.Symbol], *, steps: bool) -> None:
-        self._symbols = {name.replace(" ", "_"): symbol for name, symbol in symbols.items()}
-        self._names = ", ".join(symbols)
+    def __init__(self, symbols: Mapping[str, sp.Symbol]) -> None:
+        self._values = {**_CONSTANTS, **symbols}
         self._parts = 0
-        self._functions = (*FUNCTIONS, STEP) if steps else FUNCTIONS
 
-    def part(self, node: ast.AST, depth: int) -> _Part:
+    def part(self, node: Node, depth: int) -> _Part:
         """Return a node of the tree, with all below it, as a part."""
         self._parts += 1
         if self._parts > _MOST_PARTS or depth > _DEEPEST:
@@ -181,47 +161,42 @@ class _Builder:
             raise _NoFormulaError(f"has a number beyond {LARGEST:g}")
         return part
 
-    def _built(self, node: ast.AST, depth: int) -> _Part:
+    def _built(self, node: Node, depth: int) -> _Part:
         """Return a node as a part without checking its size."""
         match node:
-            case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
-                if abs(float(value)) > LARGEST:
-                    raise _NoFormulaError(f"has a number beyond {LARGEST:g}")
-                return _Part(sp.sympify(value, strict=True))
-            case ast.Name(id=name) if name in self._symbols:
-                return _Part(self._symbols[name])
-            case ast.Name(id=name) if name in _CONSTANTS:
-                return _Part(_CONSTANTS[name])
-            case ast.UnaryOp(op=sign, operand=operand) if type(sign) in _SIGNS:
-                inner = self.part(operand, depth)
-                return inner._replace(exact=_SIGNS[type(sign)](inner.exact))
-            case ast.BinOp(left=left, op=ast.Pow(), right=right):
+            case Node(kind="number"):
+                return _number(node)
+            case Node(kind="name", text=name):
+                return _Part(self._values[name])
+            case Node(kind="call", text=name, parts=(argument,)):
+                return _called(name, self.part(argument, depth))
+            case Node(kind="prefix", text=sign, parts=(part,)):
+                inner = self.part(part, depth)
+                return inner._replace(exact=_SIGNS[sign](inner.exact))
+            case Node(kind="operator", text="**", parts=(left, right)):
                 return _power(self.part(left, depth), self.part(right, depth))
-            case ast.BinOp(left=left, op=sign, right=right) if type(sign) in _OPERATORS:
+            case Node(kind="operator", text=sign, parts=(left, right)):
                 first = self.part(left, depth)
                 second = self.part(right, depth)
                 return _Part(
-                    exact=_OPERATORS[type(sign)](first.exact, second.exact),
+                    exact=_OPERATORS[sign](first.exact, second.exact),
                     power=max(first.power, second.power),
                     inside=max(first.inside, second.inside),
                 )
-            case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if (
-                name in self._functions and not isinstance(argument, ast.Starred)
-            ):
-                return _called(name, self.part(argument, depth))
-        raise self._unfit(node)
+        raise _NoFormulaError(f"gives {node.text} other than one argument")
 
-    def _unfit(self, node: ast.AST) -> _NoFormulaError:
-        """Return the reason why a node is no part of a formula."""
-        match node:
-            case ast.Call(func=ast.Name(id=name)) if name in self._functions:
-                return _NoFormulaError(f"gives {name} other than one argument")
-            case ast.Call(func=ast.Name(id=name)) | ast.Name(id=name) | ast.Attribute(attr=name):
-                valid = ", ".join((self._names, *_CONSTANTS, *self._functions))
-                return _NoFormulaError(f"has {value_text(name, str)}, may have {valid} and numbers")
-            case ast.BinOp(op=ast.BitXor()):
-                return _NoFormulaError("has ^: a power is written **")
-        return _NoFormulaError(f"is no formula in {self._names}")
+
+def _number(node: Node) -> _Part:
+    """Return a number in rad, m, s or rad/s; a whole one stays exact."""
+    if node.unit:
+        value = number_in(f"{node.text} {node.unit}", _UNITS[node.unit])
+    elif node.text.isdigit():
+        value = int(node.text)
+    else:
+        value = float(node.text)
+    if abs(float(value)) > LARGEST:
+        raise _NoFormulaError(f"has a number beyond {LARGEST:g}")
+    return _Part(sp.sympify(value, strict=True))
 
 
 def _power(base: _Part, exponent: _Part) -> _Part:

@@ -1,9 +1,8 @@
-"""Text of temporal formulas, read by the strength of its operators and never executed."""
+"""Text of temporal formulas: its grammar, and the formula that a tree of it describes."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -20,15 +19,13 @@ from grosmc_mj.experiments.requirements.expressions import (
 )
 from grosmc_mj.experiments.requirements.temporal import Comparison, Formula, Operation
 from grosmc_mj.ground.errors import ArgumentError, value_text
+from grosmc_mj.ground.grammar import Grammar, Node
 from grosmc_mj.ground.units import Unit, unit_pattern
 
-_LONGEST = 1000
-_DEEPEST = 40
-_WORDS = ("always", "eventually", "until", "not", "and", "or", "implies")
 _COMPARED = ("<", "<=", ">", ">=")
-# How strongly operators between two parts bind, and ``not``, ``always`` and ``eventually``, and a
-# sign before one.
-_STRENGTHS = {
+_LOGICAL = ("not", "always", "eventually", "or", "and", "until")
+# How strongly operators between two parts bind.
+_OPERATORS = {
     "implies": 1,
     "or": 2,
     "and": 3,
@@ -39,8 +36,7 @@ _STRENGTHS = {
     "*": 8,
     "/": 8,
 }
-_OF_WORD = 5
-_OF_SIGN = 9
+_PREFIXES = {"always": 5, "eventually": 5, "not": 5, "-": 9}
 
 
 class Specification(NamedTuple):
@@ -60,13 +56,6 @@ class Specification(NamedTuple):
     signals: frozenset[str]
 
 
-class _Token(NamedTuple):
-    """A word, a sign or a quantity."""
-
-    text: str
-    quantity: Expression | None = None
-
-
 def read_formula(text: str, units: Mapping[str, str]) -> Specification:
     """Return the formula that a text describes.
 
@@ -80,194 +69,102 @@ def read_formula(text: str, units: Mapping[str, str]) -> Specification:
         ArgumentError: If it has something else, or units that do not fit.
     """
     try:
-        reader = _Reader(_tokens(text, units))
-        formula = _formula(reader.part())
-        reader.require_end()
-        return _with_scales(formula, units)
+        tree = _grammar(units).read(text)
+        return _with_scales(_Meaning(units).formula(tree), units)
     except ArgumentError as error:
         raise ArgumentError(f"{value_text(text)} {error}") from None
 
 
 def signals_in(text: str, units: Mapping[str, str]) -> frozenset[str]:
     """Return the names of the signals in a text; raises as ``read_formula``, units apart."""
-    quantities = [token.quantity for token in _tokens(text, units)]
-    return frozenset().union(*(quantity.signals for quantity in quantities if quantity))
+    return _grammar(units).names_in(text)
 
 
-def _tokens(text: str, units: Mapping[str, str]) -> list[_Token]:
-    """Split a text; the longest names first, since a name may be a part of another one."""
-    if len(text) > _LONGEST:
-        raise ArgumentError(f"has {len(text)} characters, may have {_LONGEST}")
-    names = sorted([*units, *_WORDS, *FUNCTIONS], key=len, reverse=True)
-    pattern = re.compile(
-        rf"\s*(?:(?P<number>\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)(?:\s*(?P<unit>{unit_pattern(*units.values())}))?"
-        rf"(?![\w.])|(?P<name>{'|'.join(map(re.escape, names))})(?!\w)"
-        r"|(?P<sign><=|>=|[-+*/()<>,\[\]]))"
+def _grammar(units: Mapping[str, str]) -> Grammar:
+    """Return the grammar of formulas about signals."""
+    return Grammar(
+        names=list(units),
+        functions=list(FUNCTIONS),
+        operators=_OPERATORS,
+        prefixes=_PREFIXES,
+        comparisons=_COMPARED,
+        # p implies (q implies r).
+        from_right=("implies",),
+        with_interval=("always", "eventually", "until"),
+        units=rf"\s*{unit_pattern(*units.values())}",
     )
 
-    tokens: list[_Token] = []
-    end = len(text.rstrip())
-    place = 0
-    while place < end:
-        match = pattern.match(text, place)
-        if match is None:
-            unknown = re.findall(r"\w+|[^\w\s]+", text[place:])[0]
-            raise ArgumentError(
-                f"has {value_text(unknown)}, may have {', '.join(units)}, {', '.join(_WORDS)}, "
-                f"{', '.join(FUNCTIONS)} and numbers with units"
-            )
-        tokens.append(_token(match, units))
-        place = match.end()
-    return tokens
 
+class _Meaning:
+    """Formulas and quantities that trees describe.
 
-def _token(match: re.Match[str], units: Mapping[str, str]) -> _Token:
-    """Return the token of a match."""
-    text = match[0].strip()
-    if match["number"]:
-        return _Token(text, Number.of(float(match["number"]), match["unit"] or ""))
-    if match["name"] in units:
-        return _Token(text, SignalValue(Unit.of(units[match["name"]]), match["name"]))
-    return _Token(text)
+    Args:
+        units: Units of the signals, by name.
+    """
 
+    def __init__(self, units: Mapping[str, str]) -> None:
+        self._units = units
 
-class _Reader:
-    """Reader of formulas and of the quantities in them."""
+    def formula(self, node: Node) -> Formula:
+        """Return a tree that must be a formula."""
+        match node:
+            case Node(kind="comparison"):
+                quantities = [self.quantity(part) for part in node.parts]
+                return _comparisons(quantities, node.text.split())
+            case Node(kind="operator", text="implies", parts=(left, right)):
+                fails = Operation("not", (self.formula(left),))
+                return Operation("or", (fails, self.formula(right)))
+            case Node(text=text) if text in _LOGICAL:
+                parts = tuple(self.formula(part) for part in node.parts)
+                return Operation(text, parts, *self._interval(node))
+        raise ArgumentError("has no comparison (<, <=, >, >=) where one must be")
 
-    def __init__(self, tokens: Sequence[_Token]) -> None:
-        self._tokens = [*tokens, _Token("")]
-        self._place = 0
-        self._depth = 0
+    def quantity(self, node: Node) -> Expression:
+        """Return a tree that must be a quantity."""
+        match node:
+            case Node(kind="number"):
+                return Number.of(float(node.text), node.unit)
+            case Node(kind="name", text=name):
+                return SignalValue(Unit.of(self._units[name]), name)
+            case Node(kind="prefix", text="-", parts=(part,)):
+                quantity = self.quantity(part)
+                return Applied(quantity.unit, np.negative, (quantity,))
+            case Node(kind="call"):
+                return applied(node.text, [self.quantity(part) for part in node.parts])
+            case Node(kind="operator", text="+" | "-" | "*" | "/" as sign, parts=(left, right)):
+                return combined(sign, self.quantity(left), self.quantity(right))
+        raise ArgumentError("has a formula where a quantity must be")
 
-    @property
-    def _next(self) -> str:
-        """The next token, empty at the end."""
-        return self._tokens[self._place].text
-
-    def _take(self) -> _Token:
-        """Return the next token, and go on behind it."""
-        token = self._tokens[self._place]
-        if token.text:
-            self._place += 1
-        return token
-
-    def _takes(self, text: str) -> bool:
-        """Whether the next token is this one, which is taken then."""
-        taken = self._next == text
-        self._place += taken
-        return taken
-
-    def _require(self, text: str) -> None:
-        """Take a token that must be there."""
-        if not self._takes(text):
-            raise ArgumentError(f"has no {text!r} where one must be")
-
-    def require_end(self) -> None:
-        """Refuse further tokens."""
-        if self._next:
-            raise ArgumentError(f"has {self._next!r} after a whole formula")
-
-    def part(self, strength: int = 0) -> Formula | Expression:
-        """Read up to an operator that does not bind more strongly than ``strength``."""
-        self._depth += 1
-        if self._depth > _DEEPEST:
-            raise ArgumentError(f"is nested more than {_DEEPEST} deep")
-
-        left = self._operand()
-        while _STRENGTHS.get(self._next, 0) > strength:
-            left = self._joined(left, self._take().text)
-        self._depth -= 1
-        return left
-
-    def _operand(self) -> Formula | Expression:
-        """Read a quantity, a bracket, or what stands behind a word or a sign."""
-        token = self._take()
-        if token.quantity is not None:
-            return token.quantity
-        if token.text == "(":
-            inner = self.part()
-            self._require(")")
-            return inner
-        if token.text == "-":
-            quantity = _quantity(self.part(_OF_SIGN))
-            return Applied(quantity.unit, np.negative, (quantity,))
-        if token.text == "not":
-            return Operation("not", (_formula(self.part(_OF_WORD)),))
-        if token.text in ("always", "eventually"):
-            interval = self._interval()
-            return Operation(token.text, (_formula(self.part(_OF_WORD)),), *interval)
-        if token.text in FUNCTIONS:
-            return applied(token.text, self._arguments())
-        found = repr(token.text) if token.text else "nothing"
-        raise ArgumentError(f"has {found} where a quantity must be")
-
-    def _arguments(self) -> list[Expression]:
-        """Read the arguments of a function in their brackets."""
-        self._require("(")
-        arguments = [_quantity(self.part())]
-        while self._takes(","):
-            arguments.append(_quantity(self.part()))
-        self._require(")")
-        return arguments
-
-    def _joined(self, left: Formula | Expression, operator: str) -> Formula | Expression:
-        """Read the part behind an operator, and join it with the part before it."""
-        strength = _STRENGTHS[operator]
-        if operator in _COMPARED:
-            return self._comparisons(_quantity(left), operator)
-        if operator == "implies":
-            # It is read from the right: p implies (q implies r).
-            fails = Operation("not", (_formula(left),))
-            return Operation("or", (fails, _formula(self.part(strength - 1))))
-        interval = self._interval() if operator == "until" else ()
-        right = self.part(strength)
-        if operator in _WORDS:
-            return Operation(operator, (_formula(left), _formula(right)), *interval)
-        return combined(operator, _quantity(left), _quantity(right))
-
-    def _comparisons(self, left: Expression, sign: str) -> Formula:
-        """Read what is compared with a quantity; ``0 < x < 1`` has two comparisons."""
-        right = _quantity(self.part(_STRENGTHS[sign]))
-        common_unit("compares", left, right)
-        formula = Comparison(left, right)
-        if ">" in sign:
-            formula = Comparison(right, left)
-        if self._next not in _COMPARED:
-            return formula
-        return Operation("and", (formula, self._comparisons(right, self._take().text)))
-
-    def _interval(self) -> tuple[float, ...]:
-        """Read ``[0 s, 5 s]``; nothing without one."""
-        if not self._takes("["):
+    def _interval(self, node: Node) -> tuple[float, ...]:
+        """Return the instants of an interval [s]; nothing without one."""
+        if not node.interval:
             return ()
-        begin = self._time()
-        self._require(",")
-        end = self._time()
-        self._require("]")
+        begin, end = [_time(part) for part in node.interval]
         if end < begin:
             raise ArgumentError(f"has an interval from {begin:g} s to {end:g} s")
         return begin, end
 
-    def _time(self) -> float:
-        """Read a time [s]."""
-        quantity = self._take().quantity
-        if isinstance(quantity, Number) and str(quantity.unit or "s") == "s":
-            return quantity.value
-        raise ArgumentError("has an interval that is none of times, such as [0 s, 50 ms]")
+
+def _comparisons(quantities: list[Expression], signs: list[str]) -> Formula:
+    """Return what is compared with a quantity; ``0 < x < 1`` has two comparisons."""
+    left, right, *_ = quantities
+    sign, *more = signs
+    common_unit("compares", left, right)
+    formula = Comparison(left, right)
+    if ">" in sign:
+        formula = Comparison(right, left)
+    if not more:
+        return formula
+    return Operation("and", (formula, _comparisons(quantities[1:], more)))
 
 
-def _formula(part: Formula | Expression) -> Formula:
-    """Return a part that must be a formula."""
-    if isinstance(part, Formula):
-        return part
-    raise ArgumentError("has no comparison (<, <=, >, >=) where one must be")
-
-
-def _quantity(part: Formula | Expression) -> Expression:
-    """Return a part that must be a quantity."""
-    if isinstance(part, Expression):
-        return part
-    raise ArgumentError("has a formula where a quantity must be")
+def _time(node: Node) -> float:
+    """Return a time [s]."""
+    if node.kind == "number":
+        number = Number.of(float(node.text), node.unit)
+        if str(number.unit or "s") == "s":
+            return number.value
+    raise ArgumentError("has an interval that is none of times, such as [0 s, 50 ms]")
 
 
 def _with_scales(formula: Formula, units: Mapping[str, str]) -> Specification:
