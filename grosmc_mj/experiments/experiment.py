@@ -45,7 +45,7 @@ from grosmc_mj.experiments.requirements.metrics import Metric
 from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.experiments.settings import Settings, settings_of_file
 from grosmc_mj.experiments.steps import Change, differences, with_values
-from grosmc_mj.ground.arguments import require, require_known
+from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import (
     ArgumentError,
@@ -56,6 +56,7 @@ from grosmc_mj.ground.errors import (
     MistakesError,
     placed,
 )
+from grosmc_mj.ground.fields import Is
 from grosmc_mj.ground.units import in_units
 from grosmc_mj.mechanics.machine import MachinePart
 from grosmc_mj.mechanics.machine.motor import Motor
@@ -145,7 +146,7 @@ class Experiment:
             ArgumentError: If the file is wrong, or names a missing thing, in one line that begins
                 with its path.
         """
-        require("target", target, (str, Path), "SYSTEM/CASE or the path of a case file")
+        Is((str, Path), "SYSTEM/CASE or the path of a case file").require("target", target)
         path = find_file(str(target))
         file = read_case_file(path)
         with placed(f"{path}: "):

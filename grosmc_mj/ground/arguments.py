@@ -1,4 +1,4 @@
-"""Checks of arguments: numbers, arrays of numbers, classes and names."""
+"""Reading of arguments as numbers and as known names; the checks of `fields` are made of it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.ground.errors import ArgumentError, GrosmcError, unknown_name, value_text
+from grosmc_mj.ground.errors import ArgumentError, unknown_name
 
 
 def real(value: Any) -> float:
@@ -53,53 +53,6 @@ def reals(value: Any) -> Array:
     if array.dtype.kind not in "iuf":
         return not_numbers
     return array.astype(float)
-
-
-def require(
-    what: str,
-    value: Any,
-    kinds: type | tuple[type, ...],
-    wanted: str,
-    error: type[GrosmcError] = ArgumentError,
-) -> None:
-    """Refuse a value of another class.
-
-    Args:
-        what: Name of the argument.
-        value: Its value.
-        kinds: Classes that it may have.
-        wanted: Words for them, which follow "must be".
-        error: Raised if it has another class.
-
-    Raises:
-        GrosmcError: The given ``error``.
-    """
-    if not isinstance(value, kinds):
-        raise error(f"{what} = {value_text(value)} must be {wanted}")
-
-
-def require_each(
-    what: str,
-    values: Any,
-    kinds: type | tuple[type, ...],
-    wanted: str,
-    error: type[GrosmcError] = ArgumentError,
-) -> None:
-    """Refuse a value that is not a list or tuple of these classes.
-
-    Args:
-        what: Name of the argument.
-        values: Its value.
-        kinds: Classes that every entry may have.
-        wanted: Words for the list, which follow "must be".
-        error: Raised if it is something else.
-
-    Raises:
-        GrosmcError: The given ``error``.
-    """
-    is_list = isinstance(values, (list, tuple))
-    if not is_list or not all(isinstance(value, kinds) for value in values):
-        raise error(f"{what} = {value_text(values)} must be {wanted}")
 
 
 def require_known(

@@ -19,9 +19,9 @@ import numpy as np
 import pydantic
 from pydantic_core import PydanticCustomError, core_schema
 
-from grosmc_mj.ground.arguments import real, reals, whole
+from grosmc_mj.ground.arguments import real, reals, require_known, whole
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.ground.errors import ArgumentError, GrosmcError, unknown_name, value_text
+from grosmc_mj.ground.errors import ArgumentError, GrosmcError, value_text
 from grosmc_mj.ground.refusals import Place, line_of, refusal
 
 Class = TypeVar("Class")
@@ -34,6 +34,30 @@ class Check:
     def __call__(self, value: Any) -> Any:
         """Return the value to keep, or raise a ``PydanticCustomError``."""
         raise NotImplementedError
+
+    def require(
+        self,
+        what: str,
+        value: Any,
+        error: type[GrosmcError] = ArgumentError,
+    ) -> Any:
+        """Return the value to keep of something that is no field.
+
+        Args:
+            what: Name of the argument.
+            value: Its value.
+            error: Raised if the value is refused.
+
+        Raises:
+            GrosmcError: The given ``error``.
+        """
+        try:
+            return self(value)
+        except PydanticCustomError as mistake:
+            words = mistake.message()
+            if mistake.type == "refused":
+                words = f"{what} = {value_text(value)} must be {words}"
+            raise error(words) from None
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         return core_schema.no_info_plain_validator_function(self)
@@ -233,9 +257,10 @@ class Known(Check):
 
     def __call__(self, value: Any) -> str:
         """Return the name; refuse one that is not valid."""
-        if not isinstance(value, str) or value not in self.names:
-            line = unknown_name(self.kind, value, self.names)
-            raise PydanticCustomError("unknown", "{line}", {"line": line})
+        try:
+            require_known(self.kind, value, self.names)
+        except ArgumentError as error:
+            raise PydanticCustomError("unknown", "{line}", {"line": str(error)}) from None
         return value
 
 

@@ -13,7 +13,18 @@ import pytest
 from grosmc_mj.ground.arguments import require_known, whole
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, ModelError
-from grosmc_mj.ground.fields import Name, Positive, Range, Reals, checked, checked_call, range_of
+from grosmc_mj.ground.fields import (
+    Check,
+    Is,
+    Known,
+    Name,
+    Positive,
+    Range,
+    Reals,
+    checked,
+    checked_call,
+    range_of,
+)
 
 
 @checked(ModelError)
@@ -107,3 +118,16 @@ def test_a_whole_number_of_any_kind_becomes_an_int(value: Any) -> None:
 def test_an_unknown_name_is_refused_with_the_nearest(name: Any, words: str) -> None:
     with pytest.raises(ArgumentError, match=words):
         require_known("law", name, ["lqr", "grosmc"])
+
+
+@pytest.mark.parametrize(
+    ("check", "value", "words"),
+    [
+        (Is(str, "a text"), 3, "size = 3 must be a text"),
+        (Range(0, unit="s"), -1.0, "size = -1 must be finite and not negative"),
+        (Known("size", ["small"]), "smal", "unknown size 'smal'"),
+    ],
+)
+def test_what_is_no_field_is_refused_as_a_field_is(check: Check, value: Any, words: str) -> None:
+    with pytest.raises(ArgumentError, match=words):
+        check.require("size", value)

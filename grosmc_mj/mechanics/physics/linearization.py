@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grosmc_mj.ground.arguments import require
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.ground.fields import Is
 from grosmc_mj.mechanics.physics.hooks import refuse_foreign_callback, warnings_counted_only
 from grosmc_mj.theory.plants import Plant
 
@@ -48,7 +48,7 @@ def linearize(plant: Plant, x: ArrayLike | None = None, u: ArrayLike = 0.0) -> t
         ArgumentError: If x or u has a wrong shape or is not finite, or the plant does not rest
             there.
     """
-    require("plant", plant, Plant, "a plant, such as MujocoPlant.load(...)")
+    Is(Plant, "a plant, such as MujocoPlant.load(...)").require("plant", plant)
     return plant.linearization(x, u)
 
 

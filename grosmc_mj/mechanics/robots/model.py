@@ -11,8 +11,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from grosmc_mj.ground.arguments import require_each, require_known
+from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.errors import ModelError, one_line
+from grosmc_mj.ground.fields import Items
 from grosmc_mj.ground.files import require_regular
 from grosmc_mj.mechanics.physics.files import compile_spec, joint_names
 from grosmc_mj.mechanics.robots.actuators import TorqueInput, torque_input
@@ -229,7 +230,7 @@ def _names(kind: str, names: Names, valid: Sequence[str]) -> list[str]:
         return list(valid)
 
     chosen: Any = [names] if isinstance(names, str) else names
-    require_each(f"{kind}s", chosen, str, f"names of {kind}s", ModelError)
+    Items(str, f"names of {kind}s").require(f"{kind}s", chosen, ModelError)
     for name in chosen:
         require_known(kind, name, valid, error=ModelError)
     if len(set(chosen)) < len(chosen):

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grosmc_mj.ground.arguments import real, reals, require
+from grosmc_mj.ground.arguments import real, reals
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.compilation.jitable import jitable
 from grosmc_mj.ground.compilation.records import with_fields
@@ -117,14 +117,14 @@ class Controller:
     design: Design | None = None
 
     def __post_init__(self) -> None:
-        require("name of the controller", self.name, str, "a text")
+        Is(str, "a text").require("name of the controller", self.name)
         if not callable(self.law):
             raise ArgumentError(f"{self.name}: law = {value_text(self.law)} must be a function")
         if not callable(self.memory):
             raise ArgumentError(
                 f"{self.name}: memory = {value_text(self.memory)} must be a function"
             )
-        require(f"{self.name}: design", self.design, (Design, type(None)), "a Design or None")
+        Is((Design, type(None)), "a Design or None").require(f"{self.name}: design", self.design)
         object.__setattr__(self, "law", writing(self.law))
 
     def input_at(self, t: float, x: ArrayLike, memory: Memory) -> Array:

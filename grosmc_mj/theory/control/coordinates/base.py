@@ -11,10 +11,11 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grosmc_mj.ground.arguments import reals, require
+from grosmc_mj.ground.arguments import reals
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.compilation.jitable import jitable
 from grosmc_mj.ground.errors import ArgumentError, PremiseError, value_text
+from grosmc_mj.ground.fields import Is
 from grosmc_mj.ground.units import rate_unit
 from grosmc_mj.theory.control.coordinates.design_model import DesignModel
 from grosmc_mj.theory.control.lqr import LqrDesign
@@ -261,7 +262,7 @@ class OutputCoordinates(Coordinates):
     outputs: tuple[Any, ...] | None = None
 
     def __post_init__(self) -> None:
-        require("system", self.system, System, "a System, such as plant.system")
+        Is(System, "a System, such as plant.system").require("system", self.system)
         if not callable(self.reference):
             raise ArgumentError(
                 f"reference = {value_text(self.reference)} must be a function (t, p) -> y_r and "
@@ -372,7 +373,7 @@ class OutputCoordinates(Coordinates):
             ArgumentError: If the reference has no finite values at t = 0.
             PremiseError: If it has other derivatives than the outputs need.
         """
-        require("plant", plant, AnalyticPlant, "an analytic plant, such as plant.analytic()")
+        Is(AnalyticPlant, "an analytic plant, such as plant.analytic()").require("plant", plant)
         degrees = self.linearization.relative_degree
         derivatives = getattr(self.reference, "degrees", degrees)
         if derivatives != degrees:

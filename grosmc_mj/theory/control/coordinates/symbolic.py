@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from grosmc_mj.ground.arguments import reals, require
+from grosmc_mj.ground.arguments import reals
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.compilation.jitable import jitable
 from grosmc_mj.ground.errors import ArgumentError, GainError, PremiseError, value_text
+from grosmc_mj.ground.fields import Is
 from grosmc_mj.theory.control.coordinates.base import InputMap, OutputCoordinates, StateMap
 from grosmc_mj.theory.control.coordinates.design_model import Advance, DesignModel, midpoint
 from grosmc_mj.theory.control.coordinates.feedback_linearization import (
@@ -47,7 +48,7 @@ class ErrorCoordinates(OutputCoordinates):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require("unit", self.unit, str, "a text, such as 'rad'")
+        Is(str, "a text, such as 'rad'").require("unit", self.unit)
         if self.guess is not None:
             guess = reals(self.guess)
             n = len(self.system.states)
