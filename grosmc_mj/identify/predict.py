@@ -241,19 +241,18 @@ def _start(experiment: Experiment, log: Log, logged_delay: float) -> Array:
     return start
 
 
-def predict(question: Question, seeds: int, experiment: Experiment | None = None) -> Prediction:
+def predict(question: Question, seeds: int) -> Prediction:
     """Simulate the closed loop over seeds, and measure each run as its log shows it.
 
     Args:
         question: The law, the machine and the log.
         seeds: Number of runs; each has its own noise.
-        experiment: Another machine; by default that of the question.
 
     Raises:
         GrosmcError: If the law fails.
         ArgumentError: If no run gets beyond its first step.
     """
-    case = experiment or question.experiment
+    case = question.experiment
     runs = _closed_loop(case, question.law, seeds)
     if all(len(run.time) == 1 for run in runs):
         raise ArgumentError(_no_step_words(case, question.log))
@@ -382,13 +381,3 @@ def _turned(experiment: Experiment, state: str, distance: Array) -> Array:
         if limit.periodic and limit.signal in ("", state):
             return np.remainder(distance + math.pi, 2 * math.pi) - math.pi
     return distance
-
-
-def deciding(complete: Prediction, lesser: Mapping[str, Prediction]) -> Sequence[str]:
-    """Return the properties without which the first required number leaves the spread."""
-    whole = complete.quantities[0]
-    decide = []
-    for name, prediction in lesser.items():
-        if not whole.contains(prediction.quantities[0].median):
-            decide.append(name)
-    return decide

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from grosmc_mj.identify.predict import Prediction, Quantity, Question, deciding
+from grosmc_mj.identify.predict import Prediction, Quantity, Question
 from grosmc_mj.output.charts.chart import Axis, Chart, Curve, Layer, Panel
 from grosmc_mj.output.charts.figure import write_chart
 from grosmc_mj.output.palette import BLACK, BLUE, Stroke
@@ -25,8 +25,6 @@ from grosmc_mj.output.results.result import (
 )
 from grosmc_mj.output.results.tables import Table, number, numbers, phrases, table
 
-# Name of the row of the machine with all its properties.
-COMPLETE = "(complete)"
 # Medians over noisy runs repeat within this share on another machine.
 _NOISE = 0.05
 
@@ -34,7 +32,6 @@ _NOISE = 0.05
 def prediction_result(
     question: Question,
     complete: Prediction,
-    lesser: Mapping[str, Prediction],
     configuration: Mapping[str, Any],
 ) -> Result:
     """Return the result of a prediction: of the law on the log, then of the machine.
@@ -42,7 +39,6 @@ def prediction_result(
     Args:
         question: The law, the machine and the log.
         complete: Its prediction.
-        lesser: Predictions without each property of the machine.
         configuration: Arguments of the command.
     """
     required = [item for item in complete.quantities if item.required]
@@ -54,7 +50,7 @@ def prediction_result(
         question=f"Is {question.log.name} what {question.law} does on this machine",
         verdict=NOT_KEPT if outside else KEPT,
         words=words,
-        more=_deciding_words(complete, lesser),
+        more=_distance_words(question, complete),
         notes=question.notes,
     )
     values = []
@@ -71,14 +67,10 @@ def prediction_result(
         configuration,
         seed=None if loop is None else loop.seed,
         answers=[_law_answer(question), answer],
-        sheets=report_tables(
-            [quantities_table(complete), lesser_table(question, complete, lesser)], 2
-        ),
+        sheets=report_tables([quantities_table(complete)], 2),
         values=values,
         law=None if finding is None else finding._asdict(),
         complete_machine=_document(complete),
-        without={name: _document(prediction) for name, prediction in lesser.items()},
-        deciding=deciding(complete, lesser),
     )
 
 
@@ -135,6 +127,14 @@ def _headed(item: Quantity) -> str:
     return item.label if item.unit in ("", "1") else f"{item.label} [{item.unit}]"
 
 
+def _distance_words(question: Question, complete: Prediction) -> str:
+    """Return how far the nearest run is from the log."""
+    system = question.experiment.nominal.system
+    unit = system.states[system.controlled[0]].unit
+    distance = number(float(complete.misfits.min()))
+    return f"The nearest run is {distance} {unit} (RMS) from the log."
+
+
 def quantities_table(complete: Prediction) -> Table:
     """Return the measured numbers beside the predicted ones."""
     rows = []
@@ -159,50 +159,6 @@ def quantities_table(complete: Prediction) -> Table:
         rows,
         styles=styles,
     )
-
-
-def lesser_table(
-    question: Question, complete: Prediction, lesser: Mapping[str, Prediction]
-) -> Table:
-    """Return the predictions without each property, medians over the seeds."""
-    required = [item for item in complete.quantities if item.required]
-    system = question.experiment.nominal.system
-    unit = system.states[system.controlled[0]].unit
-
-    by_misfit = sorted(lesser.items(), key=lambda item: -item[1].misfits.min())
-    rows = []
-    for name, prediction in [(COMPLETE, complete), *by_misfit]:
-        medians = [_shown(item.median) for item in prediction.quantities if item.required]
-        rows.append((name, *medians, number(float(prediction.misfits.min()))))
-    return table(
-        "",
-        [*phrases("without"), *numbers(*map(_headed, required), f"misfit [{unit}]")],
-        rows,
-        legend="Medians over the seeds; misfit: RMS distance of the nearest run from the log. A "
-        f"property decides if without it {required[0].label} leaves its spread.",
-    )
-
-
-def _deciding_words(complete: Prediction, lesser: Mapping[str, Prediction]) -> str:
-    """Return which properties decide the experiment, and which do not; empty without any."""
-    decide = deciding(complete, lesser)
-    idle = [name for name in lesser if name not in decide]
-    sentences = []
-    if decide:
-        sentences.append(f"{_listed(decide)} decide{'s' * (len(decide) == 1)} this experiment")
-    if idle:
-        sentences.append(f"{_listed(idle)} do{'es' * (len(idle) == 1)} not")
-    if not sentences:
-        return ""
-    return f"{'; '.join(sentences)}."
-
-
-def _listed(items: Sequence[str]) -> str:
-    """Return a list in words."""
-    *first, last = items
-    if not first:
-        return last
-    return f"{', '.join(first)} and {last}"
 
 
 # -- figure ----------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""A closed loop on a machine that is known is predicted; without what decides it, it is not."""
+"""A closed loop on a machine that is known is predicted; without its friction, it is not."""
 
 from __future__ import annotations
 
@@ -15,9 +15,8 @@ from grosmc_mj.experiments.measured import run_of_log
 from grosmc_mj.experiments.requirements.accumulator import _noting_rows
 from grosmc_mj.ground.errors import ArgumentError, SetupError
 from grosmc_mj.identify.law_on_log import LawOnLog, law_on_log
-from grosmc_mj.identify.leave_out import FITTED_MASSES, without_each
-from grosmc_mj.identify.predict import Prediction, Question, deciding, predict, question_of
-from grosmc_mj.identify.predict_report import _deciding_words, prediction_result
+from grosmc_mj.identify.predict import Prediction, Question, predict, question_of
+from grosmc_mj.identify.predict_report import prediction_result
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.output.results.document import json_text
 from grosmc_mj.simulation.loop import Loop
@@ -155,32 +154,6 @@ def test_a_log_is_judged_without_compiled_code_to_debug(
         question_of(machine, "lqr", log, log)
 
 
-# -- what is left out ------------------------------------------------------------------------------
-
-
-def test_each_property_of_a_machine_is_left_out_alone(machine: Experiment) -> None:
-    lesser = without_each(machine)
-    assert set(lesser) == {
-        "computing delay",
-        "rotor angle resolution",
-        "rotor angle bias",
-        "rotor speed noise",
-        "shaft damping",
-        "shaft friction",
-        FITTED_MASSES,
-    }
-    for name, experiment in lesser.items():
-        assert set(without_each(experiment)) == set(lesser) - {name}
-
-
-def test_a_machine_without_its_fitted_masses_has_those_of_the_model(machine: Experiment) -> None:
-    plant = without_each(machine)[FITTED_MASSES].plant("physics")
-    assert isinstance(plant, MujocoPlant)
-    nominal = MujocoPlant.load("servo").model
-    assert plant.model.body_mass.tolist() == nominal.body_mass.tolist()
-    assert plant.model.dof_frictionloss.tolist() == [0.02]
-
-
 def test_a_case_without_a_requirement_predicts_nothing(machine: Experiment) -> None:
     log = log_of(machine)
     asking_nothing = machine.changed(file=machine.file.model_copy(update={"requirement": []}))
@@ -231,14 +204,10 @@ def test_a_start_from_which_no_run_gets_on_is_refused(question: Question) -> Non
 
 def test_without_its_friction_the_machine_is_another_one(question: Question) -> None:
     complete = predict(question, 16)
-    lesser = {
-        name: predict(question, 4, experiment)
-        for name, experiment in without_each(question.experiment).items()
-    }
-    decide = deciding(complete, lesser)
-    assert "shaft friction" in decide
-    assert "rotor angle resolution" not in decide
-    assert lesser["shaft friction"].misfits.min() > 5 * complete.misfits.min()
+    smooth = question.experiment.changed({"edit.shaft.friction": 0.0})
+    lesser = predict(question._replace(experiment=smooth), 4)
+    assert not complete.quantities[0].contains(lesser.quantities[0].median)
+    assert lesser.misfits.min() > 5 * complete.misfits.min()
 
 
 def test_diff_compares_the_predictions_of_two_logs_one_by_one(
@@ -248,7 +217,7 @@ def test_diff_compares_the_predictions_of_two_logs_one_by_one(
     complete = predict(question, 2)
     for name in ("first", "second"):
         of_log = question._replace(log=replace(question.log, name=f"{name}.csv"))
-        content = json_text(prediction_result(of_log, complete, {}, {}))
+        content = json_text(prediction_result(of_log, complete, {}))
         (tmp_path / f"{name}.json").write_text(content, encoding="utf-8")
     compared = compare(tmp_path, tmp_path).compared
     assert compared == 2 * len(complete.quantities)
@@ -258,22 +227,18 @@ def test_diff_compares_the_predictions_of_two_logs_one_by_one(
         compare(tmp_path / "first.json", tmp_path / "second.json")
 
 
-def test_a_machine_without_parts_has_nothing_that_decides(question: Question) -> None:
-    assert _deciding_words(predict(question, 2), {}) == ""
-
-
 def test_a_run_begins_with_the_machine_at_rest(machine: Experiment) -> None:
     """Until the first command arrives nothing acts: the first one did not act before the log."""
     log = log_of(machine)
-    late = without_each(machine)["rotor speed noise"]
+    late = machine.changed({"sensor.rotor speed.noise": 0.0})
     start = question_of(late, "lqr", log, log).experiment.x0
     assert start[1] == pytest.approx(0.0, abs=0.02)
 
 
 def test_seeds_differ_by_their_noise_alone(question: Question) -> None:
     """Without noise all runs are one."""
-    quiet = without_each(question.experiment)["rotor speed noise"]
-    runs = predict(question, 3, quiet).runs
+    quiet = question.experiment.changed({"sensor.rotor speed.noise": 0.0})
+    runs = predict(question._replace(experiment=quiet), 3).runs
     assert np.array_equal(runs[0].state, runs[2].state)
     noisy = predict(question, 3).runs
     assert not np.array_equal(noisy[0].state, noisy[2].state)

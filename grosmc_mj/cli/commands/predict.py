@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from grosmc_mj.cli import screen
 from grosmc_mj.cli.answering import AnsweringCommand, Question
 from grosmc_mj.cli.command import OUTPUT, Flag, Out, WholeNumber, command
 from grosmc_mj.cli.films import FOLDER, write_film_of_log
@@ -33,9 +32,8 @@ class PredictCommand(AnsweringCommand):
 
     The law is asked for every logged command on the logged states: is it the law of the log? Then
     it runs on the case's machine from the start of the log, with the sensor noise and resolution
-    that the log shows, once for each seed; and again without each property of the machine in turn:
-    a number of the loop, friction and damping set to zero, masses to those of the model. Nothing is
-    fitted. The result is measured beside predicted numbers, which properties decide, a figure.
+    that the log shows, once for each seed. Nothing is fitted. The result is measured beside
+    predicted numbers, and a figure.
 
     Exit code: 0 if each number that a requirement asks for lies, as measured, within the spread of
     the predicted ones; 1 if one does not; 2 if log, case or law are wrong.
@@ -125,7 +123,6 @@ class _PredictQuestion(Question):
         self._command = command
         self._asked = asked
         self._complete: Prediction | None = None
-        self._lesser: dict[str, Prediction] = {}
         self._film_of: Any = None
         self._kept = False
 
@@ -135,9 +132,8 @@ class _PredictQuestion(Question):
         return (self.path.with_suffix(".png"),)
 
     def measure(self) -> None:
-        """Predict the machine, then without each of its properties."""
+        """Predict the machine."""
         from grosmc_mj.identify.film import filmable
-        from grosmc_mj.identify.leave_out import without_each
         from grosmc_mj.identify.predict import predict
 
         experiment = self._asked.experiment
@@ -145,13 +141,7 @@ class _PredictQuestion(Question):
             plant = experiment.plant(experiment.nominal.truest)
             self._film_of = filmable(plant, self._asked.log)
 
-        machines = without_each(experiment)
-        with screen.progress(1 + len(machines), "machines") as advance:
-            self._complete = predict(self._asked, self._command.seeds)
-            advance("the machine")
-            for name, lesser in machines.items():
-                self._lesser[name] = predict(self._asked, self._command.seeds, lesser)
-                advance(f"without {name}")
+        self._complete = predict(self._asked, self._command.seeds)
 
     def result(self, *, complete: bool) -> Result | None:
         """Return the measured numbers beside the predicted ones."""
@@ -161,7 +151,7 @@ class _PredictQuestion(Question):
         if self._complete is None:
             return None
         configuration = self._configuration()
-        result = prediction_result(self._asked, self._complete, self._lesser, configuration)
+        result = prediction_result(self._asked, self._complete, configuration)
         self._kept = result.answers[-1].verdict == KEPT
         return result.model_copy(update={"complete": complete})
 
