@@ -134,7 +134,7 @@ class Study(ABC, Generic[AnyRow]):
     Attributes:
         kind: Kind of its result, and first word of the names of its files.
         row: Class of its rows.
-        unit: Name of its cells, in the plural.
+        unit: Name of the steps of its progress, in the plural.
     """
 
     kind: ClassVar[str]
@@ -149,6 +149,10 @@ class Study(ABC, Generic[AnyRow]):
     @abstractmethod
     def cells(self) -> list[StudyCell[AnyRow]]:
         """Return all cells, in the order in which they are measured."""
+
+    def steps(self, cells: Sequence[StudyCell[AnyRow]]) -> int:
+        """Return the number of steps of the progress: a step for each cell."""
+        return len(cells)
 
     def rows(
         self, cells: Sequence[StudyCell[AnyRow]], runner: CellRunner[AnyRow]

@@ -1,9 +1,10 @@
 """Commands that answer: what is refused before the work, and what an interrupt leaves."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 from commands import Screen, assert_one_line, run
@@ -12,7 +13,7 @@ from grosmc_mj import cli
 from grosmc_mj.cli.answering import AnsweringCommand, Question
 from grosmc_mj.cli.screen import AGAIN
 from grosmc_mj.ground.errors import SetupError
-from grosmc_mj.output.results.result import KEPT, OPEN, Answer, Result, result
+from grosmc_mj.output.results.result import KEPT, MEASURED, NOT_KEPT, OPEN, Answer, Result, result
 
 
 class Count(Question):
@@ -112,6 +113,40 @@ def test_a_campaign_whose_results_cannot_be_written_is_refused_before_its_runs(
     options = ("--runs", "8", "--radius", "--out", tmp_path)
     assert "radius.json" in wrong(capsys, "campaign", "servo", *options)
     assert [path.name for path in tmp_path.iterdir()] == ["radius.json"]
+
+
+def test_a_part_of_the_work_is_open_but_for_what_is_not_kept() -> None:
+    verdicts = (KEPT, MEASURED, OPEN, NOT_KEPT)
+    answers = [Answer(question="Count", verdict=verdict, words="") for verdict in verdicts]
+    part = result("count", {}, answers=answers).unfinished()
+    assert not part.complete
+    assert [answer.verdict for answer in part.answers] == [OPEN, OPEN, OPEN, NOT_KEPT]
+
+
+def stopped_sweep(*_: object) -> Iterator[dict[str, Any]]:
+    """A choice of a claim, and an interrupt at the second one."""
+    trial = {"choice": "1", "measured": 1.0, "holds": True}
+    yield {
+        "claim": "servo-index",
+        "choice": "gain",
+        "printed": "1",
+        "values": [trial],
+        "flips": "",
+    }
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("record", [False, True])
+def test_a_part_of_the_sweeps_is_kept_but_never_recorded(
+    record: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorded = tmp_path / "recorded.json"
+    monkeypatch.setattr("grosmc_mj.chapter.claims.sweep.sweep", stopped_sweep)
+    monkeypatch.setattr("grosmc_mj.chapter.claims.sweep.STORED", recorded)
+    options = ("--record",) if record else ()
+    assert run("claims", "sweep", *options, "--out", tmp_path) == cli.INTERRUPTED
+    assert not recorded.exists()
+    assert (tmp_path / "sweeps.json").exists() is not record
 
 
 def test_an_exit_code_tells_an_interrupt_from_a_verdict(

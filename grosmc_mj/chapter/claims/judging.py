@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
@@ -165,8 +165,8 @@ def judge_claims(
     executor: Executor,
     advance: Callable[[str], object] = lambda _: None,
     notice: Notice = lambda _: None,
-) -> list[Finding]:
-    """Judge claims as ``judge`` does, in their order.
+) -> Iterator[Finding]:
+    """Judge claims as ``judge`` does; yield them in the order in which processes finish them.
 
     Args:
         lab: Cache of the runs; another process gets a copy without the runs.
@@ -180,14 +180,12 @@ def judge_claims(
     """
     parts = parts_of(claims)
     judge_part = partial(_judged, lab, parts)
-    findings: dict[str, Finding] = {}
     with closing(executor.run(judge_part, range(len(parts)), notice)) as answers:
         for part in answers:
             for claim, finding in zip(parts[part.index], part.report, strict=True):
                 # A finding from another process has a copy of the claim.
-                findings[claim.id] = replace(finding, claim=claim)
+                yield replace(finding, claim=claim)
                 advance(claim.id)
-    return [findings[claim.id] for claim in claims]
 
 
 def parts_of(claims: Sequence[Claim]) -> list[list[Claim]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import KW_ONLY
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -81,7 +81,8 @@ class _JudgeQuestion(Question):
     def measure(self) -> None:
         """Judge the claims with a progress bar."""
         with screen.progress(len(self._claims), "claims") as advance:
-            self._findings = judge_in_processes(self._lab, self._claims, advance)
+            # One by one: an interrupt leaves the first ones.
+            self._findings.extend(judge_in_processes(self._lab, self._claims, advance))
 
     def result(self, *, complete: bool) -> Result | None:
         """Return the judged claims."""
@@ -89,8 +90,12 @@ class _JudgeQuestion(Question):
 
         if not self._findings:
             return None
+        # They come in the order in which processes finish them.
+        order = [claim.id for claim in self._claims]
+        self._findings.sort(key=lambda finding: order.index(finding.claim.id))
         differences = [f"differs: {line}" for line in self._differences]
-        return claims_result(self._findings, self._lab.settings, differences)
+        result = claims_result(self._findings, self._lab.settings, differences)
+        return result if complete else result.unfinished()
 
     def draw(self) -> Sequence[Path]:
         """Draw the story of a single claim."""
@@ -173,7 +178,7 @@ class _SweepQuestion(Question):
         if not complete and (self._record or not self._sweeps):
             return None
         result = sweeps_result(self._sweeps, self._lab.settings)
-        return result.model_copy(update={"complete": complete})
+        return result if complete else result.unfinished()
 
 
 @command
@@ -230,7 +235,7 @@ class _PremisesQuestion(Question):
         if not self._audits:
             return None
         result = premises_result(self._audits, self._lab.settings)
-        return result.model_copy(update={"complete": complete})
+        return result if complete else result.unfinished()
 
 
 def _run_cache() -> RunCache:
@@ -245,8 +250,8 @@ def judge_in_processes(
     lab: RunCache,
     claims: Sequence[Claim],
     advance: Callable[[str], object],
-) -> list[Finding]:
-    """Judge claims on all cores."""
+) -> Iterator[Finding]:
+    """Judge claims on all cores, in the order in which processes finish them."""
     from grosmc_mj.chapter.claims.judging import judge_claims
     from grosmc_mj.ground.executors import executor_for
 

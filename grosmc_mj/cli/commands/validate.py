@@ -115,7 +115,9 @@ class _ValidateQuestion(Question):
             advance(f"{system}: analytic against physics")
 
         lab = RunCache(Settings(), known=done.results)
-        done.findings = judge_in_processes(lab, claims, advance)
+        order = [claim.id for claim in claims]
+        findings = judge_in_processes(lab, claims, advance)
+        done.findings = sorted(findings, key=lambda finding: order.index(finding.claim.id))
 
     def _claims(self) -> list[Claim]:
         """Return the claims about the systems all of whose cases are selected."""

@@ -324,6 +324,14 @@ class Result(Provenance):
         """True if every answer is good."""
         return all(answer.good for answer in self.answers)
 
+    def unfinished(self) -> Result:
+        """Return the result of a part of the work: open, but for what is not kept already."""
+        answers = []
+        for answer in self.answers:
+            verdict = NOT_KEPT if answer.verdict == NOT_KEPT else OPEN
+            answers.append(answer.model_copy(update={"verdict": verdict}))
+        return self.model_copy(update={"complete": False, "answers": answers})
+
 
 def result(
     kind: str,

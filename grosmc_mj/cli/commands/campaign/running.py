@@ -148,7 +148,7 @@ class WorstQuestion(Question):
         if not self.plants:
             return None
         result = worst_result(self.runs.campaign, self.plants)
-        return result.model_copy(update={"complete": complete})
+        return result if complete else result.unfinished()
 
     @property
     def advice(self) -> str:
@@ -188,7 +188,7 @@ class RadiusQuestion(Question):
         if not self.radii:
             return None
         result = radius_result(self.runs.campaign, self.radii)
-        return result.model_copy(update={"complete": complete})
+        return result if complete else result.unfinished()
 
     @property
     def advice(self) -> str:

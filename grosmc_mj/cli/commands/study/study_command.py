@@ -79,7 +79,7 @@ class StudyCommand(AnsweringCommand, Generic[AnyStudy, AnyRow]):
         from grosmc_mj.studies.study import CellRunner
 
         cells = study.cells()
-        with held(folder), screen.progress(len(cells), study.unit) as progress:
+        with held(folder), screen.progress(study.steps(cells), study.unit) as progress:
             runner = CellRunner(folder, study.row, self.resume, progress, screen.notice)
             # One by one: an interrupt leaves the first ones.
             rows.extend(study.rows(cells, runner))
