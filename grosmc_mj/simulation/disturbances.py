@@ -376,7 +376,7 @@ class InputDisturbance(AnyDisturbance):
 
     Attributes:
         input: Name of the input.
-        amplitude: In the unit of the input.
+        amplitude: Amplitude, in the unit of the input.
         profile: Function of t [s]; 1 by default.
         label: Name in figures.
         scale: Factor on amplitude or wrench.
@@ -404,7 +404,7 @@ class OutputDisturbance(AnyDisturbance):
 
     Attributes:
         state: Name of the state.
-        amplitude: In the unit of the state.
+        amplitude: Amplitude, in the unit of the state.
         profile: Function of t [s]; 1 by default.
         label: Name in figures.
         scale: Factor on amplitude or wrench.
@@ -427,7 +427,7 @@ class RateDisturbance(AnyDisturbance):
 
     Attributes:
         state: Name of the state.
-        amplitude: In the unit of the state per second.
+        amplitude: Amplitude, in the unit of the state per second.
         profile: Function of t [s]; 1 by default.
         label: Name in figures.
         scale: Factor on amplitude or wrench.

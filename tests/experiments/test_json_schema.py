@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -76,6 +77,24 @@ def test_every_key_of_a_part_has_its_meaning(kind: Any) -> None:
     properties = part_schema(kind)["properties"]
     assert set(properties) == set(kind.keys)
     assert all(len(key["description"]) > 10 for key in properties.values())
+
+
+def meanings(schema: Any) -> Iterator[tuple[str, str]]:
+    """Every key below a schema, with its description."""
+    if isinstance(schema, list):
+        for entry in schema:
+            yield from meanings(entry)
+    elif isinstance(schema, dict):
+        for name, key in schema.get("properties", {}).items():
+            yield name, key.get("description", "")
+        for value in schema.values():
+            yield from meanings(value)
+
+
+def test_every_key_of_a_case_file_has_its_meaning() -> None:
+    words = list(meanings(SCHEMA))
+    assert len(words) > 200
+    assert [name for name, meaning in words if len(meaning) < 10 or meaning[0] == "["] == []
 
 
 def test_units_and_bounds_stand_in_the_meaning_of_a_number() -> None:

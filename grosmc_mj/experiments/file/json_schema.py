@@ -31,6 +31,9 @@ DRAFT = "http://json-schema.org/draft-07/schema#"
 NUMBER_WITH_UNIT = r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*\S"
 # Tables of which a file has an array, and whose entries are complete therefore.
 _IN_ARRAYS = ("ControllerTable", "ClaimTable", "CorrelationTable", "MeasuredTable")
+# In Python the profile of a disturbance is a function; in a file it has a name.
+_PROFILE: Schema = {"anyOf": [{"enum": list(COURSES)}, {"type": "string", "pattern": ":"}]}
+_COURSES = f"{', '.join(COURSES)}, or module:name of a function of t in seconds"
 # Units of pure numbers.
 _PURE = ("", "1", "%")
 # An attribute in a docstring with its text, which may go on in deeper lines.
@@ -143,6 +146,8 @@ def key_schema(key: Key, words: str) -> Schema:
         key: The key.
         words: Its meaning.
     """
+    if key.name == "profile":
+        return {**_PROFILE, "description": f"Course in time: {_COURSES}."}
     schema = _values(key)
     described = [words] if words else []
     if key.bounds is not None:
@@ -156,8 +161,6 @@ def key_schema(key: Key, words: str) -> Schema:
 
 def _values(key: Key) -> Schema:
     """Return the type of a key's values with its choices and bounds."""
-    if key.name == "profile":
-        return {"anyOf": [{"enum": list(COURSES)}, {"type": "string", "pattern": ":"}]}
     if key.vector is not None:
         entry = {"type": "number"} if key.vector.unit in _PURE else _with_unit(key.vector.unit)
         count = key.vector.count

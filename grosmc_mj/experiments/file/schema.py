@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -119,32 +119,6 @@ class RunTable(Table):
     timestep: PositiveSeconds | None = None
     integrator: Literal["Euler", "RK4", "implicit", "implicitfast"] | None = None
     engine: Literal["native", "python"] = "native"
-
-
-def _owner_of(table: Table, keys: Mapping[str, Collection[str]]) -> str:
-    """Return the only owner that a table names, such as ``body`` or ``joint``.
-
-    Args:
-        table: Table of the file.
-        keys: Keys that belong to each owner.
-
-    Raises:
-        ValueError: If it names none or several, or has a key of another one.
-    """
-    owners = [name for name in keys if getattr(table, name) is not None]
-    if len(owners) != 1:
-        raise ValueError(f"name one of {', '.join(keys)}, not {owners or 'none'}")
-    owner = owners[0]
-
-    valid = keys[owner]
-    foreign = set[str]().union(*keys.values()).difference(valid)
-    misplaced = sorted(table.model_fields_set & foreign)
-    if misplaced:
-        article = "an" if owner[0] in "ae" else "a"
-        raise ValueError(
-            f"{article} {owner} has no {', '.join(misplaced)}; valid: {', '.join(valid)}"
-        )
-    return owner
 
 
 _SECONDS: Any = Seconds
