@@ -40,14 +40,17 @@ class TuneCommand(StudyCommand["TuneStudy", "TunedLaw"]):
         target: A system, which means its machine, a case, or a case file.
         law: Laws to tune, such as lqr, implicit or any law of the file.
         number: Numbers and ranges instead of the law's usual ones, such as "laws.mine.k=0.1..100",
-            "laws.adrc.bandwidth=5 rad/s..500 rad/s" or laws.lqr.Q[1]; a range that ends above 0 is
-            searched by the logarithm.
+            "laws.adrc.bandwidth=1 Hz..80 Hz" or laws.lqr.Q[1], and with one law those of an
+            estimator, "estimator.rotor speed.bandwidth=20..300"; a range above 0 is searched by the
+            logarithm.
         conditions: Conditions that all is asked under.
         runs: Runs of each law at most.
         draws: Draws of a loop with an encoder, noise, jitter or missed samples that designs are
             tuned on.
         held_out: Other draws that the best design is judged on.
-        seed: Seed of the search.
+        plants: Random plants of the case's [[uncertain]] that designs are tuned on, too; as many
+            other ones as --held-out judge.
+        seed: Seed of the search and of the plants.
     """
 
     target: Target
@@ -60,6 +63,7 @@ class TuneCommand(StudyCommand["TuneStudy", "TunedLaw"]):
     runs: WholeNumber = 3000
     draws: WholeNumber = 4
     held_out: WholeNumber = 20
+    plants: WholeNumber = 0
     seed: WholeNumber = 0
 
     def study(self) -> TuneStudy:
@@ -68,7 +72,7 @@ class TuneCommand(StudyCommand["TuneStudy", "TunedLaw"]):
         from grosmc_mj.studies.tune.tune import tune_study
 
         require_draws(self.draws)
-        require_draws(self.held_out)
+        require_draws(self.held_out, "--held-out")
         return tune_study(
             self.target,
             self.law,
@@ -77,6 +81,7 @@ class TuneCommand(StudyCommand["TuneStudy", "TunedLaw"]):
             runs=self.runs,
             draws=self.draws,
             held_out=self.held_out,
+            plants=self.plants,
             seed=self.seed,
         )
 

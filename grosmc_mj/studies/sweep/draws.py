@@ -16,14 +16,18 @@ from grosmc_mj.studies.sweep.runs import Outcomes, Row, run_rows
 _MOST_DRAWS = 1000
 
 
-def require_draws(draws: int) -> None:
+def require_draws(draws: int, option: str = "--draws") -> None:
     """Refuse a number of draws that no study can make.
+
+    Args:
+        draws: The number.
+        option: Option that has it.
 
     Raises:
         ArgumentError: If it is below 1 or too large.
     """
     if not 1 <= draws <= _MOST_DRAWS:
-        raise ArgumentError(f"--draws {draws} must be from 1 to {_MOST_DRAWS}")
+        raise ArgumentError(f"{option} {draws} must be from 1 to {_MOST_DRAWS}")
 
 
 def drawn_case(case: Experiment, number: int) -> Experiment:

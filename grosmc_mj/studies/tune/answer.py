@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from copy import deepcopy
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,17 +26,15 @@ from grosmc_mj.output.results.result import (
     ReportTable,
     Result,
     Series,
-    Standing,
-    Value,
     finite,
     result,
 )
 from grosmc_mj.output.results.tables import Table, number, numbers, table, words
-from grosmc_mj.output.results.verdicts import Verdict
+from grosmc_mj.output.results.verdicts import Verdict, standings, values_of, worst_failed, worst_of
 from grosmc_mj.studies.matrix import conditions_document
 from grosmc_mj.studies.tune.numbers import TunableLaw
 from grosmc_mj.studies.tune.shares import TriedDesign
-from grosmc_mj.studies.tune.tune import TunedLaw, TunedNumberRow, TuneStudy
+from grosmc_mj.studies.tune.tune import TUNED, TunedLaw, TunedNumberRow, TuneStudy
 
 LEGEND = (
     "Share: measured over allowed value, in the worst of the other draws; above 1 it is not kept."
@@ -141,7 +140,7 @@ def _answer(study: TuneStudy, row: TunedLaw) -> Answer:
         if found is not None:
             more = f"{row.law}: {found.words}."
     else:
-        worst = max(row.after, key=lambda verdict: verdict.share)
+        worst = worst_of(row.after)
         place = Binding(worst.condition, worst.tightest, worst.share).words
         verdict = KEPT if row.kept else NOT_KEPT
         keeps = "keeps all" if row.kept else "does not keep all"
@@ -343,6 +342,8 @@ def case_text(study: TuneStudy, rows: Sequence[TunedLaw]) -> str:
         "laws": tables,
         "controller": [{"name": row.law, "law": laws[row.law].base} for row in rows],
     }
+    for row in rows:
+        _write_of_case(content, experiment, laws[row.law], row)
     content["requirement"] = list(_requirements(experiment, [laws[row.law] for row in rows]))
     # The claims of the file are about its own laws.
     if experiment.file.content.get("claim"):
@@ -353,8 +354,26 @@ def case_text(study: TuneStudy, rows: Sequence[TunedLaw]) -> str:
 
 def _table(law: TunableLaw, row: TunedLaw) -> Content:
     """Table of a tuned law."""
-    rounded = {name: float(f"{value:.{_DIGITS}g}") for name, value in row.values.items()}
+    rounded = {name: _rounded(value) for name, value in row.values.items()}
     return law.with_numbers(rounded).file.content["laws"][law.base]
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.{_DIGITS}g}")
+
+
+def _write_of_case(
+    content: Content, experiment: Experiment, law: TunableLaw, row: TunedLaw
+) -> None:
+    """Write the numbers of the case that were tuned with a law."""
+    for tuned in law.numbers:
+        if tuned.number.of_file:
+            continue
+        owner = tuned.number.place.owner
+        if owner not in content:
+            # An array of tables is the file's own.
+            content[owner] = deepcopy(experiment.file.content.get(owner, []))
+        tuned.number.write(content, _rounded(row.values[tuned.name]))
 
 
 def _requirements(experiment: Experiment, laws: Sequence[TunableLaw]) -> Iterator[Content]:
@@ -413,10 +432,12 @@ def tune_result(study: TuneStudy, rows: Sequence[TunedLaw], *, complete: bool) -
         seed=study.seed,
         complete=complete,
         answers=[_answer(study, row) for row in rows],
-        standings=_standings(study, rows),
+        standings=standings(
+            study.target, _verdicts(rows), worst_failed, _standing_words, complete=complete
+        ),
         sheets=sheets,
         remarks=_remarks(study),
-        values=_values(study, rows),
+        values=values_of(study.target, _verdicts(rows)),
         target=study.target,
         conditions=conditions_document(item.condition for item in study.conditions),
         laws=[_law_document(row) for row in rows],
@@ -436,36 +457,26 @@ def _remarks(study: TuneStudy) -> list[str]:
     ]
 
 
-def _standings(study: TuneStudy, rows: Sequence[TunedLaw]) -> Iterator[Standing]:
-    """Yield the verdict on each law with its tuned numbers."""
+def _verdicts(rows: Iterable[TunedLaw]) -> list[Verdict]:
+    """Verdicts on the tuned laws, on draws of no search; of an interrupted one that of its best."""
+    verdicts = []
     for row in rows:
-        worst = max(row.after, key=lambda item: item.share, default=None)
-        share = row.share if worst is None else worst.share
-        breaks_at = ""
-        if not row.kept:
-            breaks_at = "tuned" if worst is None else worst.condition
-        yield Standing(
-            case=study.target,
+        bound = binding(_counted(row.designs[row.best], row.unfailing))
+        best = Verdict(
             law=row.law,
-            breaks_at=breaks_at,
-            words=_answer(study, row).words,
-            share=finite(share),
-            complete=row.complete,
+            step=TUNED,
+            condition=bound.condition,
+            share=row.share,
+            tightest=bound.requirement,
         )
+        verdicts += row.after or [best]
+    return verdicts
 
 
-def _values(study: TuneStudy, rows: Sequence[TunedLaw]) -> Iterator[Value]:
-    """Yield what ``diff`` compares; the numbers of another search differ, shares hardly."""
-    for row in rows:
-        name = f"{study.target} {row.law}"
-        yield Value(name=f"{name}: tuned", value="kept" if row.kept else "not kept")
-        for verdict in row.after:
-            yield Value(
-                name=f"{name}, {verdict.condition}: worst share",
-                value=finite(verdict.share),
-                better=-1,
-                relative=0.1,
-            )
+def _standing_words(verdicts: Sequence[Verdict]) -> str:
+    """The worst verdict on a law in words."""
+    worst = worst_of(verdicts)
+    return f"{number(worst.share)} of {Binding(worst.condition, worst.tightest, 0.0).words}"
 
 
 def _law_document(row: TunedLaw) -> dict[str, Any]:

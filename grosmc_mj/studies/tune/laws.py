@@ -45,14 +45,18 @@ def tunable_laws(
         experiment: Experiment of the target.
         names: Names of the laws, as in the other studies.
         written: Numbers and their ranges, ``laws.NAME.NUMBER=LOW..HIGH``; those of a law replace
-            the declared ones.
+            the declared ones. With one law numbers of the case's estimators, too.
 
     Raises:
         ArgumentError: If there is no such law or number, or a range cannot be.
     """
     studied = chosen_laws(experiment.changed(loop=None), names)
-    named = _by_law(written, [law.name for law in studied])
-    return [_tunable_law(experiment, law, named.get(law.name, {})) for law in studied]
+    named = _Named.read(written, [law.name for law in studied])
+    if named.of_case and len(studied) > 1:
+        raise ArgumentError(
+            f"{next(iter(named.of_case))} is one for all laws: tune one --law with it"
+        )
+    return [_tunable_law(experiment, law, named) for law in studied]
 
 
 class _Ends(NamedTuple):
@@ -62,42 +66,80 @@ class _Ends(NamedTuple):
     high: str
 
 
-def _by_law(written: Sequence[str], laws: Sequence[str]) -> dict[str, dict[str, _Ends | None]]:
-    """Return the numbers that are named, by law and path, each with the ends of its range."""
-    named: dict[str, dict[str, _Ends | None]] = {}
-    for text in written:
-        match = _WRITTEN.fullmatch(text)
-        path = match["path"].strip() if match else ""
-        if match is None or not path.startswith("laws."):
-            raise ArgumentError(f"--number {value_text(text)} must be {_FORM}")
-
-        path = path.removeprefix("laws.")
-        owners = [law for law in laws if path.startswith(f"{law}.")]
-        if not owners:
-            require_known("law", path.partition(".")[0], laws, f"--number {text}: ")
-            raise ArgumentError(f"--number {value_text(text)} must be {_FORM}")
-        law = max(owners, key=len)
-        ends = _Ends(match["low"], match["high"]) if match["low"] else None
-        named.setdefault(law, {})[path.removeprefix(f"{law}.")] = ends
-    return named
+# Ends of ranges by path; None for the usual range.
+_Ranges = dict[str, _Ends | None]
 
 
-def _tunable_law(
-    experiment: Experiment, law: StudiedLaw, named: Mapping[str, _Ends | None]
-) -> TunableLaw:
+class _Named(NamedTuple):
+    """Numbers that are named: of laws, by name, and of the case."""
+
+    of_laws: dict[str, _Ranges]
+    of_case: _Ranges
+
+    @classmethod
+    def read(cls, written: Sequence[str], laws: Sequence[str]) -> _Named:
+        """Return the numbers in some texts.
+
+        Args:
+            written: The texts, PATH or PATH=LOW..HIGH.
+            laws: Names of the laws that are tuned.
+
+        Raises:
+            ArgumentError: If one has another form, or is of another law.
+        """
+        named = cls({}, {})
+        for text in written:
+            match = _WRITTEN.fullmatch(text)
+            path = match["path"].strip() if match else ""
+            if match is None or not path.startswith(("laws.", "estimator.")):
+                raise ArgumentError(f"--number {value_text(text)} must be {_FORM}")
+
+            ends = _Ends(match["low"], match["high"]) if match["low"] else None
+            if path.startswith("estimator."):
+                named.of_case[path] = ends
+                continue
+            path = path.removeprefix("laws.")
+            owners = [law for law in laws if path.startswith(f"{law}.")]
+            if not owners:
+                require_known("law", path.partition(".")[0], laws, f"--number {text}: ")
+                raise ArgumentError(f"--number {value_text(text)} must be {_FORM}")
+            law = max(owners, key=len)
+            named.of_laws.setdefault(law, {})[path.removeprefix(f"{law}.")] = ends
+        return named
+
+
+def _tunable_law(experiment: Experiment, law: StudiedLaw, named: _Named) -> TunableLaw:
     """Return a law with the numbers that are named, or else with those that are declared."""
     base = f"{law.name}, tuned"
-    case = _with_law(experiment, law, base, _table(experiment, law, named))
+    ranges = named.of_laws.get(law.name, {})
+    case = _with_law(experiment, law, base, _table(experiment, law, ranges))
     declared = tunable_numbers(case, law.name)
-    numbers = [
-        _tuned_number(case, base, law, path, declared.get(str(_key(path))), ends)
-        for path, ends in (named or dict.fromkeys(_usual(case, law, declared))).items()
-    ]
+    if not ranges:
+        ranges = dict.fromkeys(_usual(case, law, declared))
+
+    numbers = []
+    for path, ends in ranges.items():
+        shown = f"laws.{law.name}.{path}"
+        number = _number(case, f"laws.{base}.{path}", shown)
+        with placed(f"{shown}: "):
+            numbers.append(_ranged(case, path, number, declared.get(_key(path)), ends))
+    for path, ends in named.of_case.items():
+        number = Number.of(case, path)
+        with placed(f"{path}: "):
+            numbers.append(_ranged(case, path, number, None, ends))
     if not numbers:
         raise ArgumentError(
             f"law {law.name} has no number to tune: name one by --number laws.{law.name}..."
         )
     return TunableLaw(law, case, base, tuple(numbers))
+
+
+def _number(case: Experiment, path: str, shown: str) -> Number:
+    """Return the number at a path, which an error shows in another way."""
+    try:
+        return Number.of(case, path)
+    except ArgumentError as error:
+        raise ArgumentError(str(error).replace(path, shown)) from None
 
 
 def _key(path: str) -> str:
@@ -176,11 +218,10 @@ def _redundant(table: Mapping[str, Any], declared: Mapping[str, LawNumber]) -> s
     return {"gain"} if "epsilon" in table else set()
 
 
-def _tuned_number(
+def _ranged(
     case: Experiment,
-    base: str,
-    law: StudiedLaw,
-    path: str,
+    name: str,
+    number: Number,
     declared: LawNumber | None,
     ends: _Ends | None,
 ) -> TunedNumber:
@@ -188,32 +229,24 @@ def _tuned_number(
 
     Args:
         case: Experiment with the law as its only controller.
-        base: Name of its table.
-        law: The law.
-        path: Path of the number in the table.
-        declared: Declaration of the number; None for a law of one's own.
+        name: Name of the number.
+        number: The number.
+        declared: Declaration of the number; None for a law of one's own and for an estimator.
         ends: Ends of the range; None for the usual range.
     """
-    shown = f"laws.{law.name}.{path}"
-    try:
-        number = Number.of(case, f"laws.{base}.{path}")
-    except ArgumentError as error:
-        raise ArgumentError(str(error).replace(f"laws.{base}.{path}", shown)) from None
+    start = number.get(case)
+    if ends is not None:
+        low, high = (_typed(end, number.unit) for end in ends)
+        if not low < high:
+            raise ArgumentError(f"the range {ends.low}..{ends.high} must rise")
+        return TunedNumber(name, number, start, low, high, logarithmic=low > 0)
 
-    with placed(f"{shown}: "):
-        start = number.get(case)
-        if ends is not None:
-            low, high = (_typed(end, number.unit) for end in ends)
-            if not low < high:
-                raise ArgumentError(f"the range {ends.low}..{ends.high} must rise")
-            return TunedNumber(path, number, start, low, high, logarithmic=low > 0)
-
-        low, high = _usual_range(declared, abs(start))
-        if declared is not None and not declared.log:
-            return TunedNumber(path, number, start, low, high, logarithmic=False)
-        if start < 0:
-            low, high = -high, -low
-        return TunedNumber(path, number, start, low, high).including_start()
+    low, high = _usual_range(declared, abs(start))
+    if declared is not None and not declared.log:
+        return TunedNumber(name, number, start, low, high, logarithmic=False)
+    if start < 0:
+        low, high = -high, -low
+    return TunedNumber(name, number, start, low, high).including_start()
 
 
 def _usual_range(declared: LawNumber | None, size: float) -> tuple[float, float]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +23,8 @@ class TunedNumber:
     """Number of a law that is tuned.
 
     Attributes:
-        name: Its path in the law, such as ``k``, ``Q[1]`` or ``uncertainty.wrench[5]``.
+        name: Its path in the law, such as ``k``, ``Q[1]`` or ``uncertainty.wrench[5]``; of a number
+            of the case the whole path, such as ``estimator.rotor speed.bandwidth``.
         number: The number of the experiment.
         start: Value in the file; None if the file has none.
         low: Least value of the range that is searched first.
@@ -99,6 +101,22 @@ def start_of(numbers: Sequence[TunedNumber]) -> Array:
     return np.array(start)
 
 
+class Design(NamedTuple):
+    """A law with some numbers, and the numbers of its case that are tuned with it.
+
+    Attributes:
+        controller: The law.
+        of_case: Numbers of the case, such as an estimator's, with their values.
+    """
+
+    controller: Controller
+    of_case: tuple[tuple[Number, float], ...] = ()
+
+    def case(self, case: Experiment) -> Experiment:
+        """Return a case with the numbers of the design."""
+        return set_numbers(case, self.of_case) if self.of_case else case
+
+
 @dataclass(frozen=True, eq=False)
 class TunableLaw:
     """Law with the numbers that are tuned.
@@ -143,11 +161,22 @@ class TunableLaw:
         # Designs are forgotten: there are thousands, and each is asked for once.
         return replace(set_numbers(self.experiment, pairs), _designs={})
 
-    def designed(self, values: Mapping[str, float]) -> Controller:
+    def designed(self, values: Mapping[str, float]) -> Design:
         """Return the law with other numbers, by name.
 
         Raises:
             GrosmcError: If the law cannot be designed with them.
         """
         experiment = self.with_numbers(values)
-        return experiment.law(experiment.nominal.truest, self.name)
+        controller = experiment.law(experiment.nominal.truest, self.name)
+        of_case = [
+            (number.number, values[number.name])
+            for number in self.numbers
+            if not number.number.of_file
+        ]
+        return Design(controller, tuple(of_case))
+
+    @property
+    def as_in_file(self) -> Design:
+        """The law with the numbers of the file."""
+        return Design(self.law.controller)

@@ -16,8 +16,7 @@ from grosmc_mj.ground.errors import ArgumentError, GrosmcError
 from grosmc_mj.output.results.verdicts import Unlimited, Verdict, over_draws
 from grosmc_mj.studies.sweep.runs import Outcomes, Row, run_rows
 from grosmc_mj.studies.target import Condition, limits_in
-from grosmc_mj.studies.tune.numbers import TunableLaw
-from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.studies.tune.numbers import Design, TunableLaw
 
 # Value of a design that cannot be made; no run comes near it.
 _REFUSED = 1e3
@@ -142,7 +141,7 @@ class Measure:
             beat: Value that each has to beat, (n,).
         """
         designs = [TriedDesign(point=point.tolist(), value=-math.inf) for point in points]
-        laws: dict[int, Controller] = {}
+        laws: dict[int, Design] = {}
         for index, point in enumerate(points):
             try:
                 laws[index] = self.law.designed(self.law.values_at(point))
@@ -174,12 +173,17 @@ class Measure:
         return stages + [(item, range(item.draws)) for item in self.conditions[1:]]
 
     def outcomes(
-        self, laws: Sequence[Controller], item: TuningCondition, draws: Sequence[int]
+        self, designs: Sequence[Design], item: TuningCondition, draws: Sequence[int]
     ) -> Outcomes:
         """Run designs in draws of a condition: row i * draws + j is draw j of design i."""
         experiment = item.condition.experiment
         cases = [item.case(number) for number in draws]
-        rows = [Row(law, case=case, predict=self.law.law.predict) for law in laws for case in cases]
+        predict = self.law.law.predict
+        rows = [
+            Row(design.controller, case=design.case(case), predict=predict)
+            for design in designs
+            for case in cases
+        ]
         return run_rows(
             experiment,
             rows,
@@ -204,18 +208,19 @@ class Measure:
             for name, share in outcomes.verdict(row).shares.items():
                 shares[name] = max(shares.get(name, 0.0), share)
 
-    def judged(self, law: Controller, first: int, count: int) -> list[Verdict]:
+    def judged(self, design: Design, step: str, first: int, count: int) -> list[Verdict]:
         """Return the verdict on a design under each condition, over draws.
 
         Args:
-            law: The design.
+            design: The design.
+            step: Step of the verdicts.
             first: Number of the first draw; where nothing is drawn there is one run.
             count: Number of draws.
         """
         verdicts = []
         for item in self.conditions:
             draws = range(first, first + count) if item.drawn else range(1)
-            outcomes = self.outcomes([law], item, draws)
+            outcomes = self.outcomes([design], item, draws)
             runs = [
                 self._counted(outcomes.verdict(row, draw=number), item)
                 for row, number in enumerate(draws)
@@ -224,7 +229,9 @@ class Measure:
             shares = {
                 name: max(run.shares.get(name, math.inf) for run in runs) for name in verdict.shares
             }
-            verdicts.append(verdict.changed(law=self.law.name, condition=item.name, shares=shares))
+            verdicts.append(
+                verdict.changed(law=self.law.name, step=step, condition=item.name, shares=shares)
+            )
         return verdicts
 
     def _counted(self, verdict: Verdict, item: TuningCondition) -> Verdict:

@@ -14,11 +14,13 @@ from pydantic import BaseModel
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.ground.errors import ArgumentError, placed
 from grosmc_mj.output.results.verdicts import Verdict
 from grosmc_mj.studies.pieces import Piece, PieceStore, Rows
 from grosmc_mj.studies.study import CellRunner, Study, StudyCell, dependencies
-from grosmc_mj.studies.sweep.draws import drawn_case
+from grosmc_mj.studies.sweep.draws import drawn_case, require_draws
+from grosmc_mj.studies.sweep.family import Family, family_of, random_points
+from grosmc_mj.studies.sweep.quantities import with_values
 from grosmc_mj.studies.target import MACHINE, Condition, case_for, conditions_of
 from grosmc_mj.studies.tune.laws import tunable_laws
 from grosmc_mj.studies.tune.numbers import TunableLaw, ranges_of, start_of
@@ -27,6 +29,11 @@ from grosmc_mj.studies.tune.shares import Measure, TriedDesign, TriedDesigns, Tu
 
 # Number of the first draw that designs are judged on; no search has so many.
 HELD_OUT = 1000
+# Steps of verdicts: the numbers of the file, and those that were found.
+AS_IN_FILE = "as in the file"
+TUNED = "tuned"
+# Name of the condition of random plants.
+PLANTS = "uncertain plants"
 # Share of the tightest limit at which a search ends.
 TARGET = 0.5
 
@@ -323,8 +330,8 @@ class LawTuning:
         after: list[Verdict] = []
         if complete:
             held_out = (HELD_OUT, self._study.held_out)
-            before = self._measure.judged(self._law.law.controller, *held_out)
-            after = self._measure.judged(self._law.designed(values), *held_out)
+            before = self._measure.judged(self._law.as_in_file, AS_IN_FILE, *held_out)
+            after = self._measure.judged(self._law.designed(values), TUNED, *held_out)
         return TunedLaw(
             law=self._law.name,
             numbers=self._number_rows(values),
@@ -376,6 +383,7 @@ def tune_study(
     runs: int = 3000,
     draws: int = 4,
     held_out: int = 20,
+    plants: int = 0,
     seed: int = 0,
 ) -> TuneStudy:
     """Return a target with the laws and the numbers that are tuned.
@@ -388,13 +396,16 @@ def tune_study(
         runs: Runs of a law at most.
         draws: Draws that designs are tuned on.
         held_out: Other draws that they are judged on.
-        seed: Seed of the searches.
+        plants: Random plants of ``[[uncertain]]`` that designs are tuned on, too.
+        seed: Seed of the searches and of the plants.
 
     Raises:
         ArgumentError: If there is no such target, law, number or condition, or nothing is required.
     """
     experiment = case_for(target, MACHINE)
     asked = _conditions(experiment, conditions, draws)
+    if plants:
+        asked.append(_uncertain_plants(experiment, plants, seed))
     least = sum(item.draws for item in asked)
     if runs < least:
         raise ArgumentError(f"--runs {runs} must be {least} at least, those of one design")
@@ -435,3 +446,29 @@ def _tuning_condition(condition: Condition, draws: int) -> TuningCondition:
         draws=draws if drawn else 1,
         drawn=drawn,
     )
+
+
+def _uncertain_plants(experiment: Experiment, plants: int, seed: int) -> TuningCondition:
+    """Return random plants of the family that a case declares, each with a draw of its own.
+
+    Raises:
+        ArgumentError: If it declares none.
+    """
+    require_draws(plants, "--plants")
+    with placed(f"{experiment.path}: --plants {plants}: "):
+        family = family_of(experiment.file, experiment, experiment.plant(experiment.nominal.truest))
+    condition = Condition(PLANTS, "random plants of [[uncertain]]", experiment)
+    return TuningCondition(
+        condition=condition,
+        case=partial(_random_plant, experiment, family, seed),
+        draws=plants,
+        drawn=True,
+    )
+
+
+def _random_plant(experiment: Experiment, family: Family, seed: int, number: int) -> Experiment:
+    """Return the case of a random plant, by its number."""
+    points = random_points(len(family.quantities), seed, number, 1)
+    (values,) = family.values(points).tolist()
+    case = with_values(experiment, zip(family.quantities, values, strict=True))
+    return drawn_case(case, number)

@@ -18,7 +18,7 @@ from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.studies.study import CellRunner
 from grosmc_mj.studies.tune.answer import binding, conflict, shares_of
 from grosmc_mj.studies.tune.shares import Measure, TriedDesign
-from grosmc_mj.studies.tune.tune import TunedLaw, TuneStudy, tune_study
+from grosmc_mj.studies.tune.tune import TUNED, TunedLaw, TuneStudy, tune_study
 
 BLOCK_NUMBERS = ("laws.mine.frequency=0.2..20", "laws.mine.damping=0.2..2")
 LAG_NUMBERS = ("laws.mine.kp=0.1..10", "laws.mine.ki=0.05..10")
@@ -168,7 +168,7 @@ def test_a_limit_that_cannot_fail_has_no_part_in_the_measure(tmp_path: Path):
     assert measure.unfailing == {"nominal": {"input_below"}}
 
     fast = study.laws[0].designed({"frequency": 5.6, "damping": 1.17})
-    (verdict,) = measure.judged(fast, 0, 1)
+    (verdict,) = measure.judged(fast, TUNED, 0, 1)
     assert verdict.shares["input_below"] == 1
     assert verdict.tightest != "input_below"
     assert verdict.share == max(verdict.shares["settles_within"], verdict.shares["overshoot_below"])
