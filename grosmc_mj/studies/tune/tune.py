@@ -456,7 +456,7 @@ def _uncertain_plants(experiment: Experiment, plants: int, seed: int) -> TuningC
     """
     require_draws(plants, "--plants")
     with placed(f"{experiment.path}: --plants {plants}: "):
-        family = family_of(experiment.file, experiment, experiment.plant(experiment.nominal.truest))
+        family = family_of(experiment.file, experiment)
     condition = Condition(PLANTS, "random plants of [[uncertain]]", experiment)
     return TuningCondition(
         condition=condition,
