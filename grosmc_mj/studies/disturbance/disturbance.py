@@ -306,6 +306,8 @@ class DisturbanceStudy(Study[WorstDisturbance]):
             law=law,
             step=STEP,
             condition=UNDER_LOAD,
+            # Results of two places are compared apart.
+            group=self.disturbance.place,
             share=share,
             tightest=nearest,
             ended=verdict.ended,

@@ -269,6 +269,16 @@ def test_a_study_that_was_interrupted_is_open_unless_a_law_has_failed(tmp_path) 
     }
 
 
+def test_values_name_the_place_of_the_disturbance(tmp_path) -> None:
+    """Else a disturbance of the rotor would be compared with one of the current."""
+    names = []
+    for place, bound in (("rotor", "1 mN m"), ("current", "1 mA")):
+        study = disturbance_study(str(held(tmp_path)), place, bound, ["lqr"], pieces=4)
+        document = disturbance_result(study, [study.find("lqr", lambda _: None)], complete=True)
+        names.append({value.name for value in document.values})
+    assert names[0].isdisjoint(names[1])
+
+
 def test_a_requirement_that_no_signal_touches_has_a_share_of_nothing(tmp_path) -> None:
     """The disturbance acts from the start on: there is nothing to recover from."""
     requirement = 'recovers_within = "1 s"\nband = "0.1 rad"'
