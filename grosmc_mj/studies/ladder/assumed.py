@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.file.parts import machine_of_file, table_of
+from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS
+from grosmc_mj.experiments.file.paths import place_of
+from grosmc_mj.experiments.number import Number, find_number
 from grosmc_mj.ground.errors import GrosmcError
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 
@@ -18,18 +20,22 @@ class AssumedNumber(NamedTuple):
     """A number of a part that nobody has published.
 
     Attributes:
-        kind: Name of the part's table, such as ``lugre``.
-        path: Path in the case file.
-        owner: State, joint, input or body that the part is of; else its kind.
-        name: Name of the number.
-        value: Its value, in the unit of the system.
+        number: The number.
+        owner: State, joint, input or body that the part is of; else the kind of the part.
     """
 
-    kind: str
-    path: str
+    number: Number
     owner: str
-    name: str
-    value: float
+
+    @property
+    def kind(self) -> str:
+        """Name of the part's table, such as ``lugre``."""
+        return self.number.place.owner
+
+    @property
+    def name(self) -> str:
+        """Name of the number in its table."""
+        return self.number.place.field
 
     def __str__(self) -> str:
         """Name for people."""
@@ -37,27 +43,21 @@ class AssumedNumber(NamedTuple):
 
 
 def assumed_numbers(machine: Experiment) -> Iterator[AssumedNumber]:
-    """Yield the numbers of a case's loop and machine that its file lists as assumed."""
-    parts: dict[str, list[Any]] = {}
-    for part in machine_of_file(machine.file, machine.nominal.system):
-        parts.setdefault(table_of(part), []).append(part)
-    if machine.loop is not None:
-        for kind, part in machine.loop.parts:
-            parts.setdefault(kind, []).append(part)
-
-    for kind, parts_of_kind in parts.items():
+    """Yield the numbers of a case's machine and loop that its file lists as assumed."""
+    for kind in (*MACHINE_PARTS, *LOOP_PARTS):
         tables = getattr(machine.file, kind)
         if not isinstance(tables, list):
-            # The loop of a file without [computing] has an ideal computer.
+            # The computer.
             tables = [] if tables is None else [tables]
         for index, table in enumerate(tables):
             for name in table.assumed:
                 path = f"{kind}.{name}"
                 if kind != "computing":
                     path = f"{kind}[{index + 1}].{name}"
-                value = getattr(parts_of_kind[index], name)
-                owner = " and ".join(table.of) or kind
-                yield AssumedNumber(kind, path, owner, name, value)
+                number = find_number(machine, path, place_of(machine.file.content, path))
+                # A part that was taken away has none.
+                if number is not None:
+                    yield AssumedNumber(number, " and ".join(table.of) or kind)
 
 
 def in_words(numbers: Iterable[AssumedNumber]) -> Iterator[tuple[str, str]]:
@@ -65,7 +65,7 @@ def in_words(numbers: Iterable[AssumedNumber]) -> Iterator[tuple[str, str]]:
     names: dict[tuple[str, str, str], list[str]] = {}
     for number in numbers:
         # One owner may have two parts.
-        part = number.path.rpartition(".")[0]
+        part = number.number.path.rpartition(".")[0]
         names.setdefault((part, number.kind, number.owner), []).append(number.name)
     for (_, kind, owner), of_part in names.items():
         yield kind, f"{owner}: {', '.join(of_part)}"
@@ -73,16 +73,18 @@ def in_words(numbers: Iterable[AssumedNumber]) -> Iterator[tuple[str, str]]:
 
 def with_other_numbers(machine: Experiment) -> Iterator[tuple[str, Experiment]]:
     """Yield the machine with each assumed number at half and at twice its value, after its name."""
-    for number in assumed_numbers(machine):
+    for assumed in assumed_numbers(machine):
+        path = assumed.number.path
+        value = assumed.number.get(machine)
         for factor in (0.5, 2.0):
             for power in _POWERS:
                 scale = factor**power
                 try:
-                    changed = machine.changed({number.path: scale * number.value})
+                    changed = machine.changed({path: scale * value})
                     require_timestep(changed)
                 except GrosmcError:
                     continue
-                yield f"{number} times {scale:.2g}", changed
+                yield f"{assumed} times {scale:.2g}", changed
                 break
 
 
