@@ -27,8 +27,8 @@ GALLERY := renders/films/gallery
 
 # Films need these; nothing else does.
 FILM_PACKAGES := libegl1 libgl1-mesa-dri ffmpeg
-# A test of exported laws needs this beside gcc; it is left out without.
-TEST_PACKAGES := clang
+# Tests of exported laws need these beside gcc; they are left out without.
+TEST_PACKAGES := clang gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm
 
 INSTALLED := $(VENV)/.installed
 SYSTEM := $(VENV)/.system
@@ -186,4 +186,4 @@ $(SYSTEM): | $(INSTALLED)
 	$(call apt,$(FILM_PACKAGES),films)
 
 $(SECOND_COMPILER): | $(SYSTEM)
-	$(call apt,$(TEST_PACKAGES),tests of exported laws with two compilers)
+	$(call apt,$(TEST_PACKAGES),tests of exported laws with a second compiler and on processors)

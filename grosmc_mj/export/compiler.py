@@ -11,6 +11,7 @@ import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from grosmc_mj.export.law import LawInC
 from grosmc_mj.export.templates import rendered
@@ -40,6 +41,29 @@ def find_compiler() -> str | None:
         if path is not None:
             return path
     return None
+
+
+class RunningLaw(Protocol):
+    """An exported law that can be sampled: in this process, or on an emulated processor.
+
+    A memory is that of the C, flat. What samples a law gives it the same one from ``begin`` on.
+    """
+
+    def begin(self, memory: Array, start: Array) -> None:
+        """Begin a run: write the memory for a start, (n,)."""
+        ...
+
+    def step(self, t: float, x: Array, memory: Array, u: Array) -> int:
+        """Make one sample of a law alone at t [s] and x, (n,), write u, (m,); return the answer."""
+        ...
+
+    def step_in_loop(self, clock: float, y: Array, fresh: Array, memory: Array, u: Array) -> int:
+        """Make one sample of a law with its loop, see ``CompiledLaw``."""
+        ...
+
+    def missed(self, memory: Array) -> None:
+        """Tell a law with its loop that its last output was not sent in time."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +169,7 @@ def compile_law(
     library = folder / f"{law.name}.so"
     source = folder / f"{law.name}.c"
     command = [compiler, *flags, "-fPIC", "-shared", source, call, "-o", library, "-lm"]
-    words = _refusal_of_compiler(command)
+    words = run_compiler(command)
     if words:
         raise SetupError(f"{compiler} {words}")
     try:
@@ -154,7 +178,7 @@ def compile_law(
         raise SetupError(f"{compiler} made no library that loads: {one_line(str(error))}") from None
 
 
-def _refusal_of_compiler(command: Sequence[str | Path]) -> str:
+def run_compiler(command: Sequence[str | Path]) -> str:
     """Run a compiler; return why there is no library, empty if there is one."""
     try:
         process = subprocess.Popen(

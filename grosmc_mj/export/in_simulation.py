@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numba import types
 
-from grosmc_mj.export.compiler import CompiledLaw
+from grosmc_mj.export.compiler import CompiledLaw, RunningLaw
 from grosmc_mj.export.law import LawInC
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.compilation.jitable import compiled_as, jitable
@@ -45,22 +45,26 @@ class LawInSimulation(NamedTuple):
     loop: AppliedLoop | None
 
 
-def in_simulation(law: LawInC, compiled: CompiledLaw) -> LawInSimulation:
+def in_simulation(law: LawInC, compiled: RunningLaw) -> LawInSimulation:
     """Return a compiled export in place of the Python law of simulations.
 
     Args:
         law: The export.
-        compiled: The same, compiled, which must stay loaded as long.
+        compiled: The same, compiled, which must stay loaded as long, or on an emulated processor.
     """
-    if law.loop is None:
+    if law.loop is None and isinstance(compiled, CompiledLaw):
         sample = structure_of(_Sample(compiled.address))
         memory = partial(_memory, law, sample)
         controller = replace(law.controller, law=_sampled_alone(compiled), memory=memory)
         return LawInSimulation(controller, None)
 
+    memory = partial(_memory, law, np.zeros(0))
+    if law.loop is None:
+        outside = _sampled_outside(law, compiled)
+        return LawInSimulation(replace(law.controller, law=outside, memory=memory), None)
+
     sampler = _Sampler(law, compiled)
     parts = {item.name: getattr(law.loop, item.name) for item in fields(law.loop)}
-    memory = partial(_memory, law, np.zeros(0))
     controller = replace(law.controller, law=sampler.law, memory=memory)
     return LawInSimulation(controller, _WatchedLoop(**parts, sampler=sampler))
 
@@ -90,6 +94,26 @@ def _compiled_law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
     # The address stands in memory, so that code in the disk cache has none; v comes first in it.
     sample = _sample_at(pointer(int(memory.sample))).sample
     sample(t, x.ctypes.data, memory.run.ctypes.data, u.ctypes.data, memory.v.ctypes.data)
+
+
+def _sampled_outside(export: LawInC, running: RunningLaw) -> Any:
+    """Law that samples the C outside this process, in Python alone."""
+    places = compared_places(export)
+
+    def law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+        run = memory.run
+        own = run[_MEMORY:]
+        if not run[0]:
+            running.begin(own, np.array(x, float))
+            run[0] = 1.0
+        run[_ANSWER] = running.step(t, np.array(x, float), own, u)
+        shown = pack(memory)
+        shown[places] = own
+        _show(shown, memory)
+
+    outside: Any = law
+    outside.python_only = True
+    return outside
 
 
 def _memory(law: LawInC, sample: Array) -> Any:
@@ -129,7 +153,7 @@ def _show(numbers: Array, memory: Any) -> None:
 class _Sampler:
     """The C in place of software and law."""
 
-    def __init__(self, export: LawInC, compiled: CompiledLaw) -> None:
+    def __init__(self, export: LawInC, compiled: RunningLaw) -> None:
         self._places = list(export.measured)
         self._compiled = compiled
         self._memory = np.zeros(len(export.memory.places))

@@ -12,7 +12,7 @@ from grosmc_mj.experiments.experiment import Experiment, run_on
 from grosmc_mj.experiments.file.reading import read_case_file
 from grosmc_mj.experiments.file.shipped import campaign_files
 from grosmc_mj.experiments.requirements.judging import Judgement, judge_runs
-from grosmc_mj.export.compiler import CompiledLaw
+from grosmc_mj.export.compiler import RunningLaw
 from grosmc_mj.export.in_simulation import (
     LawInSimulation,
     answers_of,
@@ -114,7 +114,9 @@ class Proof:
     @property
     def words(self) -> str:
         """The result in a sentence."""
-        runs = f"{self.runs} runs of the case, {self.random_plants} random plants"
+        runs = f"{self.runs} runs of the case"
+        if self.random_plants:
+            runs += f", {self.random_plants} random plants"
         if self.random_states:
             runs += f", {self.random_states} random states"
         if self.blind:
@@ -186,10 +188,10 @@ def _unequal(a: Array, b: Array) -> Any:
 def prove(
     experiment: Experiment,
     law: LawInC,
-    compiled: CompiledLaw,
+    compiled: RunningLaw,
     plants: int = 1000,
     advance: Callable[[str, int], None] = lambda text, by: None,
-    changed: CompiledLaw | None = None,
+    changed: RunningLaw | None = None,
 ) -> Proof:
     """Run an exported law beside the Python law.
 
@@ -260,7 +262,7 @@ def _prove_on_case(
 
 
 def _prove_at_random_states(
-    proof: Proof, experiment: Experiment, law: LawInC, compiled: CompiledLaw
+    proof: Proof, experiment: Experiment, law: LawInC, compiled: RunningLaw
 ) -> None:
     """Compare the laws alone at random states."""
     compared = compare_at_samples(law, compiled, random_runs(experiment.x0, RANDOM_STATES))
@@ -270,7 +272,7 @@ def _prove_at_random_states(
 
 
 def _notices(
-    experiment: Experiment, law: LawInC, compiled: CompiledLaw, changed: CompiledLaw
+    experiment: Experiment, law: LawInC, compiled: RunningLaw, changed: RunningLaw
 ) -> bool:
     """Whether samples tell an export from the same with one digit changed.
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grosmc_mj.export.compiler import CompiledLaw
+from grosmc_mj.export.compiler import RunningLaw
 from grosmc_mj.export.law import UNDEFINED_INPUT, UNDEFINED_LAW, LawInC
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.compilation.records import pack
@@ -102,7 +102,7 @@ def python_answers(law: LawInC, runs: Sequence[Array]) -> Iterator[Answer | None
 
 
 def c_answers(
-    law: LawInC, compiled: CompiledLaw, runs: Sequence[Array], ends: Sequence[bool]
+    law: LawInC, compiled: RunningLaw, runs: Sequence[Array], ends: Sequence[bool]
 ) -> Iterator[Answer]:
     """Yield the answers of the C.
 
@@ -140,7 +140,7 @@ class SampleComparison(NamedTuple):
 
 
 def compare_at_samples(
-    law: LawInC, compiled: CompiledLaw, runs: Sequence[Array]
+    law: LawInC, compiled: RunningLaw, runs: Sequence[Array]
 ) -> SampleComparison:
     """Compare a compiled law with the Python law, from ``NAME_init`` on."""
     expected = list(python_answers(law, runs))

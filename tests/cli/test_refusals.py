@@ -21,7 +21,7 @@ from grosmc_mj.experiments.file.text import complete_text
 REFUSALS = [
     (
         "frobnicate",
-        "claims, study, identify, compare, predict, export, report, diff, list",
+        "claims, study, tune, identify, compare, predict, export, report, diff, list",
     ),
     ("doctor", "unknown command 'doctor': valid: new, run, campaign, film, view"),
     ("validate arm/case9", "valid: nominal, case1, case2, bench"),

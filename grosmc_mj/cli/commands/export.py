@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, replace
@@ -14,12 +15,14 @@ from grosmc_mj.cli import screen
 from grosmc_mj.cli.answering import AnsweringCommand, Question
 from grosmc_mj.cli.command import Flag, Out, Target, WholeNumber, command
 from grosmc_mj.cli.targets import result_name, shown_experiment
-from grosmc_mj.ground.errors import ArgumentError, placed
+from grosmc_mj.ground.arguments import require_known
+from grosmc_mj.ground.errors import ArgumentError, SetupError, placed
 from grosmc_mj.ground.files import name_in_files
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
     from grosmc_mj.export.law import LawInC
+    from grosmc_mj.export.processor.on_processor import OnProcessor
     from grosmc_mj.export.proof import Proof
     from grosmc_mj.output.results.result import Result
 
@@ -39,11 +42,17 @@ class ExportCommand(AnsweringCommand):
 
     With --fmu the same C is packed as a source FMU (FMI 2.0, co-simulation), too.
 
+    With --on the C also runs on an emulated processor of Arm, in the place of the Python law: its
+    answers are compared, its instructions, code and stack are counted. With the processor's --clock
+    the time of a call is estimated; if it is not small, the case is judged once more with it as a
+    further delay.
+
     With --loop the C has the estimators, the filter and the prediction of the case's loop too, and
     gets what is measured.
 
     Exit code: 0 if no verdict differs, or without a compiler; 1 if one differs, or if in double
-    precision a bit does; 2 if the law has no C.
+    precision a bit does on this machine, or if the case is not kept with the computing time; 2 if
+    the law has no C.
 
     Attributes:
         target: A system, of which it is case1, a case (SYSTEM/CASE) or a case file (FILE.toml).
@@ -52,6 +61,8 @@ class ExportCommand(AnsweringCommand):
         loop: With the software of the case's loop.
         fmu: As an FMU, too.
         plants: Number of random plants.
+        on: Processor to run it on, too.
+        clock: Clock of that processor, such as "168 MHz".
         out: Folder for the files.
     """
 
@@ -65,14 +76,56 @@ class ExportCommand(AnsweringCommand):
         WholeNumber | None,
         Parameter(show_default="1000, with --loop 5"),
     ] = None
+    on: Annotated[str | None, Parameter(metavar="cortex-m4|cortex-m7|cortex-m33")] = None
+    clock: Annotated[str | None, Parameter(metavar="TEXT")] = None
     out: Out = Path("renders")
 
     def questions(self) -> Sequence[Question]:
         """Return the one question of the law."""
         if self.plants is not None and self.plants < 0:
             raise ArgumentError(f"--plants {self.plants} must not be below 0")
+        self._require_processor()
         experiment = shown_experiment(self.target)
         return [_ExportQuestion(self, experiment, self._exported(experiment))]
+
+    def _require_processor(self) -> None:
+        """Refuse a processor that cannot be run on, before all work.
+
+        Raises:
+            ArgumentError: If it is not known, or a clock is given without one.
+            SetupError: If a tool is missing.
+        """
+        from grosmc_mj.export.processor.emulated import missing_tools
+        from grosmc_mj.export.processor.processors import PROCESSORS
+
+        if self.on is None:
+            if self.clock is not None:
+                raise ArgumentError(f"--clock {self.clock} is of a processor: name it with --on")
+            return
+        require_known("--on", self.on, PROCESSORS)
+        _ = self.frequency
+        missing = missing_tools()
+        if missing:
+            raise SetupError(f"--on {self.on}: {missing}")
+
+    @property
+    def frequency(self) -> float | None:
+        """Clock of the processor [Hz]; None if it is not given.
+
+        Raises:
+            ArgumentError: If it is no positive frequency.
+        """
+        from grosmc_mj.ground.units import typed_number
+
+        if self.clock is None:
+            return None
+        try:
+            turns = typed_number(self.clock, "rad/s")
+        except ArgumentError:
+            turns = math.nan
+        if not turns > 0:
+            raise ArgumentError(f'--clock {self.clock} must be a frequency, such as "168 MHz"')
+        return turns / (2 * math.pi)
 
     def _exported(self, experiment: Experiment) -> LawInC:
         """Return the law in C, without a word on its proof.
@@ -118,6 +171,7 @@ class _ExportQuestion(Question):
         self._experiment = experiment
         self._law = law
         self._proof: Proof | None = None
+        self._on: OnProcessor | None = None
         self._written: list[Path] = []
 
     @property
@@ -133,6 +187,7 @@ class _ExportQuestion(Question):
         from grosmc_mj.export.fmu import write_fmu
 
         self._proof = self._proven()
+        self._on = self._run_on_processor()
         words = NOT_PROVEN if self._proof is None else self._proof.words
         law = self._law
         text = about(self._experiment, law.controller, words, law.real)
@@ -163,13 +218,23 @@ class _ExportQuestion(Question):
             with screen.progress(len(self._experiment.plant_names) + plants) as advance:
                 return prove(self._experiment, law, compiled, plants, advance, changed)
 
+    def _run_on_processor(self) -> OnProcessor | None:
+        """Run the law on the processor that is asked for."""
+        from grosmc_mj.export.processor.on_processor import on_processor
+
+        command = self._command
+        if command.on is None:
+            return None
+        with screen.progress(len(self._experiment.plant_names)) as advance:
+            return on_processor(self._experiment, self._law, command.on, command.frequency, advance)
+
     def result(self, *, complete: bool) -> Result | None:
         """Return the proof, once the law is written."""
         from grosmc_mj.export.answer import export_result
 
         if not complete:
             return None
-        return export_result(self._experiment, self._law, self._proof)
+        return export_result(self._experiment, self._law, self._proof, self._on)
 
     def close(self) -> None:
         """Print the files of the law."""
@@ -178,6 +243,9 @@ class _ExportQuestion(Question):
     @property
     def kept(self) -> bool:
         """Whether no verdict differs and, in double precision, no bit."""
+        on = self._on
+        if on is not None and (on.proof.overturned or on.lost):
+            return False
         proof = self._proof
         if proof is None:
             return True

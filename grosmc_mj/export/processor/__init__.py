@@ -1,0 +1,1 @@
+"""An exported law on the processor of a controller, which QEMU emulates."""
