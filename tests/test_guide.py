@@ -12,6 +12,7 @@ import pytest
 
 import grosmc_mj as gm
 from grosmc_mj.experiments.requirements.judging import judge_runs
+from grosmc_mj.simulation.trajectory import Status
 
 pytestmark = pytest.mark.slow
 
@@ -132,11 +133,12 @@ def test_dm_control_gives_the_steps_of_gymnasium() -> None:
     assert names["total"] == names["summed"]
 
 
-def test_a_learned_policy_that_earns_as_much_as_the_law_is_refuted() -> None:
-    """It does not follow the nominal trajectory."""
+def test_a_learned_policy_earns_as_much_as_the_law_away_from_the_nominal_trajectory() -> None:
+    """The case requires of GROSMC that it stays within 1 mrad of it."""
     names = names_of_environments()
     assert names["gained"](names["gains"], 2.0) > -3.0
-    assert names["finding"].verdict.value == "refuted"
+    assert names["tested"].status is Status.COMPLETED
+    assert names["deviation"] > 1e-2
 
 
 @pytest.mark.parametrize(("page", "count"), [("guide.md", 3), ("your_own.md", 1)])

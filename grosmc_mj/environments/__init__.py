@@ -1,8 +1,9 @@
 """The plants as environments of dm_control and Gymnasium, and their policies as controllers.
 
-It offers ``load``, ``register`` and ``CaseEnv``, and judges a policy by a case's requirements. The
-names load on first use: neither dm_control nor Gymnasium is needed for what doesn't use it. It
-imports the chapter, studies and below.
+It offers ``load``, ``register`` and ``CaseEnv``; ``law_policy`` is a law as a policy, and
+``policy_controller`` a policy as a law, which a case's requirements judge like any other. The names
+load on first use: neither dm_control nor Gymnasium is needed for what doesn't use it. It imports
+output, experiments and below.
 """
 
 import lazy_loader

@@ -20,8 +20,7 @@ from grosmc_mj.theory.plants import AnalyticPlant, Plant
 class RunCache:
     """Runs that the claims share, each made once.
 
-    A subclass may override ``controller``, ``plant`` and ``as_set``: so a policy takes the place of
-    a law, and tests put faults in.
+    A subclass may override ``controller``, ``plant`` and ``as_set``: so tests put faults in.
 
     Args:
         settings: How experiments are run: what is not the default counts instead of their own.

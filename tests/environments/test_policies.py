@@ -14,9 +14,7 @@ import numpy as np
 import pytest
 from shipped import case_plant, find_case, nominal_controller
 
-from grosmc_mj.chapter.claims.claim import Finding, Verdict
-from grosmc_mj.chapter.claims.ledger import select_claims
-from grosmc_mj.environments import judge_policy, law_policy, policy_controller
+from grosmc_mj.environments import law_policy, policy_controller
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.requirements.metrics import Metric
 from grosmc_mj.experiments.requirements.optimum import compare_with_optimum
@@ -177,45 +175,3 @@ def test_a_policy_returns_as_many_numbers_as_inputs() -> None:
     words = r"returned \[1.0, 2.0\], must return 1 number\(s\): force \[N\]"
     with pytest.raises(ArgumentError, match=words):
         run(PENDULUM, asking(lambda _: [1.0, 2.0]))
-
-
-def test_a_policy_is_judged_by_claims_about_its_system() -> None:
-    words = "claim arm-index is about arm, not about servo"
-    with pytest.raises(ArgumentError, match=words):
-        judge_policy("servo", missing, ["arm-index"])
-
-
-NATIVE = replace(COARSE, engine="native")
-
-
-@pytest.fixture(scope="module")
-def idle() -> dict[str, Finding]:
-    """The findings about a policy that does nothing, by the ids of all claims about the servo."""
-    findings = judge_policy("servo", lambda _: 0.0, settings=NATIVE, refine=False)
-    return {finding.claim.id: finding for finding in findings}
-
-
-def test_every_claim_about_a_system_is_judged(idle: dict[str, Finding]) -> None:
-    assert list(idle) == [claim.id for claim in select_claims("servo")]
-
-
-@pytest.mark.parametrize(
-    ("claim", "verdict", "note"),
-    [
-        ("servo-load-grosmc", Verdict.REFUTED, ""),
-        ("theorem-1", Verdict.INCONCLUSIVE, "not judged: it asks for the law's "),
-        ("servo-sliding", Verdict.INCONCLUSIVE, "not judged: it asks for the law's sliding varia"),
-    ],
-)
-def test_a_policy_that_does_nothing_fails_where_the_law_succeeds(
-    idle: dict[str, Finding], claim: str, verdict: Verdict, note: str
-) -> None:
-    """Only claims that need more than inputs are inconclusive."""
-    assert idle[claim].verdict is verdict
-    assert idle[claim].plants["corrected"].measured.note.startswith(note)
-
-
-def test_a_claim_about_another_law_does_not_become_one_about_the_policy(
-    idle: dict[str, Finding],
-) -> None:
-    assert idle["servo-load-lqr"].verdict is Verdict.SUPPORTED
