@@ -15,6 +15,7 @@ from jsonschema import Draft7Validator
 from grosmc_mj.experiments.file.json_schema import part_schema, schema_of_case_files
 from grosmc_mj.experiments.file.parts import PART_KINDS
 from grosmc_mj.experiments.file.shipped import CASES, starter
+from grosmc_mj.theory.control.kinds import KINDS
 
 SCHEMA = schema_of_case_files()
 CASE_FILES = sorted(CASES.rglob("*.toml"))
@@ -95,6 +96,14 @@ def test_every_key_of_a_case_file_has_its_meaning() -> None:
     words = list(meanings(SCHEMA))
     assert len(words) > 200
     assert [name for name, meaning in words if len(meaning) < 10 or meaning[0] == "["] == []
+
+
+@pytest.mark.parametrize("law", KINDS, ids=lambda law: law.__name__)
+def test_numbers_of_laws_are_shown(law: Any) -> None:
+    properties = SCHEMA["definitions"]["LawTable"]["properties"]
+    for name in law.numbers():
+        assert name in properties
+    assert law.key in properties["law"]["examples"]
 
 
 def test_units_and_bounds_stand_in_the_meaning_of_a_number() -> None:

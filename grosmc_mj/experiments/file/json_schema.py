@@ -17,12 +17,15 @@ from pydantic.json_schema import GenerateJsonSchema
 
 from grosmc_mj.experiments.file.content import EXTENDS
 from grosmc_mj.experiments.file.disturbance_tables import COURSES
-from grosmc_mj.experiments.file.keys import Key
+from grosmc_mj.experiments.file.keys import Key, keys_of
 from grosmc_mj.experiments.file.part_tables import ASSUMED, PartKind
-from grosmc_mj.experiments.file.schema import CaseFile
+from grosmc_mj.experiments.file.schema import CaseFile, LawTable
 from grosmc_mj.experiments.requirements import KINDS
 from grosmc_mj.ground.fields import Known, OwnerUnit, Range, Reals, notes_on
 from grosmc_mj.ground.units import number_in
+from grosmc_mj.theory.control.kinds import KINDS as LAWS
+from grosmc_mj.theory.control.law_number import LawNumber
+from grosmc_mj.theory.control.switching import SWITCHINGS, SwitchingNumbers
 
 Schema = dict[str, Any]
 # A draft that editors of TOML read.
@@ -92,7 +95,29 @@ class _Generator(GenerateJsonSchema):
             properties[name] = _without_null(value)
             if name in words:
                 properties[name]["description"] = words[name]
+        if issubclass(model, LawTable):
+            properties.update(_numbers_of_laws())
+            properties["law"]["examples"] = list(dict.fromkeys(kind.key for kind in LAWS))
+            properties["switching"]["examples"] = list(SWITCHINGS)
         return result
+
+
+def _numbers_of_laws() -> Schema:
+    """Return the numbers of the package's laws; their values are checked when they are designed."""
+    laws: dict[str, list[str]] = {}
+    numbers: dict[str, LawNumber] = {}
+    for kind in (*LAWS, SwitchingNumbers):
+        for name, key in keys_of(kind).items():
+            if isinstance(key.bounds, LawNumber):
+                numbers.setdefault(name, key.bounds)
+                laws.setdefault(name, []).append(getattr(kind, "key", "switching laws"))
+
+    schema: Schema = {}
+    for name, number in numbers.items():
+        of = ", ".join(dict.fromkeys(laws[name]))
+        meaning = f"{number.meaning[0].upper()}{number.meaning[1:]}"
+        schema[name] = {"description": f"{meaning} ({of}). {_bounds_in_words(number)}"}
+    return schema
 
 
 def _without_null(schema: Schema) -> Schema:
