@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Target, WholeNumber, command
 from grosmc_mj.cli.commands.study.study_command import StudyCommand
 from grosmc_mj.cli.targets import result_name
@@ -84,16 +83,6 @@ class TuneCommand(StudyCommand["TuneStudy", "TunedLaw"]):
             plants=self.plants,
             seed=self.seed,
         )
-
-    def measure(self, study: TuneStudy, rows: list[TunedLaw], folder: Path) -> None:
-        """Tune each law; progress counts runs."""
-        from grosmc_mj.studies.study import CellRunner
-        from grosmc_mj.studies.tune.tune import TunedLaw
-
-        with screen.progress(study.runs * len(study.laws), study.unit) as progress:
-            runner = CellRunner(folder, TunedLaw, self.resume, progress, screen.notice)
-            # One by one: an interrupt leaves the first ones.
-            rows.extend(study.rows(study.cells(), runner))
 
     def result(self, study: TuneStudy, rows: Sequence[TunedLaw], *, complete: bool) -> Result:
         """Return the result of a tuning."""

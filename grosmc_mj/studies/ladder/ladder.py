@@ -69,7 +69,7 @@ class Ladder(Study[Verdict]):
     varied: Mapping[str, Mapping[str, Rung]] = field(default_factory=dict)
     statements: Mapping[str, str] = field(default_factory=dict)
 
-    def steps(self) -> Iterator[tuple[StudiedLaw, Rung, Condition, bool]]:
+    def runs(self) -> Iterator[tuple[StudiedLaw, Rung, Condition, bool]]:
         """Yield all runs; the last entry says whether all rungs below count too."""
         for law in self.laws:
             for condition in self.conditions:
@@ -92,7 +92,7 @@ class Ladder(Study[Verdict]):
             for condition in self.conditions
         }
         cells = []
-        for law, rung, condition, together in self.steps():
+        for law, rung, condition, together in self.runs():
             cell = StudyCell(
                 name=law.name,
                 key=(law.name, rung.name, condition.name, together),

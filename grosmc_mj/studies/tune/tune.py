@@ -183,6 +183,10 @@ class TuneStudy(Study[TunedLaw]):
             for law in self.laws
         ]
 
+    def steps(self, cells: Sequence[StudyCell[TunedLaw]]) -> int:
+        """Return the number of steps of the progress: the runs of all laws."""
+        return self.runs * len(cells)
+
     def rows(
         self, cells: Sequence[StudyCell[TunedLaw]], runner: CellRunner[TunedLaw]
     ) -> Iterator[TunedLaw]:
