@@ -4,10 +4,9 @@ from pathlib import Path
 
 import pytest
 
-import grosmc_mj as gm
-from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.law_numbers import tunable_numbers
 from grosmc_mj.experiments.number import Number
+from grosmc_mj.ground.errors import ArgumentError
 
 CASE = """
 [plant]
@@ -115,7 +114,7 @@ def test_a_number_that_a_law_does_not_have_is_refused(
     law: str, line: str, words: str, tmp_path: Path
 ) -> None:
     begin = f"[laws.{law}]\n"
-    with pytest.raises(gm.ArgumentError, match=words):
+    with pytest.raises(ArgumentError, match=words):
         load(tmp_path, CASE.replace(begin, f"{begin}{line}\n"))
 
 

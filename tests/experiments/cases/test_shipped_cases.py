@@ -28,6 +28,7 @@ PACKAGES = {"cartpole/heavier": "dm_control", "inverted_pendulum/heavier": "gymn
         "furuta/heavier",
         "inverted_pendulum/heavier",
         "cartpole/heavier",
+        "switching/two_link_arm",
     ],
 )
 def test_it_keeps_its_requirements(case: str) -> None:
@@ -125,3 +126,12 @@ def test_the_ball_rolls_as_hauser_s_equations_say(case: str, m: float) -> None:
         # Rounding of a mass matrix of two joints.
         derivative = plant.derivative([angle, r, turn, speed], torque)
         np.testing.assert_allclose(derivative, expected, rtol=1e-11, atol=1e-12)
+
+
+def test_one_switch_for_both_joints_keeps_a_heavy_arm_nearer_to_its_course() -> None:
+    case = "switching/two_link_arm"
+    deviation = {
+        law: run(case, law).metrics["deviation"].value
+        for law in ("one switch", "a switch for each joint")
+    }
+    assert deviation["one switch"] < 0.85 * deviation["a switch for each joint"]
