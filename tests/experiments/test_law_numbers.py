@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.law_numbers import tunable_numbers
 from grosmc_mj.experiments.number import Number
 from grosmc_mj.ground.errors import ArgumentError
