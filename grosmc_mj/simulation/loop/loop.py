@@ -18,7 +18,7 @@ from grosmc_mj.simulation.loop.computer import Computing
 from grosmc_mj.simulation.loop.counter import uniform
 from grosmc_mj.simulation.loop.estimators import TUNED_BY, Estimator
 from grosmc_mj.simulation.loop.sensors import Sensor
-from grosmc_mj.simulation.loop.timing import MOST_STEPS, TIMES, steps_in, time_as_run
+from grosmc_mj.simulation.loop.timing import MOST_STEPS, TIMES, steps_in
 from grosmc_mj.theory.plants import Plant, System
 
 LARGEST_SEED = 2**53
@@ -256,19 +256,6 @@ class Loop:
                 mistakes.note(f"{kind}: {unknown_name(noun, name, valid)}")
             elif count > 1:
                 mistakes.note(f"{count} {kind}s of {name!r}: give one")
-
-    def rounded(self, timestep: float, control_period: float = math.inf) -> Loop:
-        """Copy with times on the nearest multiples of a timestep [s], jitter within a period."""
-        rounded = self
-        for kind, part in self.parts:
-            times = {}
-            for name in TIMES:
-                if hasattr(part, name):
-                    time = getattr(part, name)
-                    times[name] = time_as_run(name, time, timestep, control_period)
-            names = _names(part)
-            rounded = rounded.changed(kind, names[0] if names else "", **times)
-        return rounded
 
     def words(self, system: System) -> list[str]:
         """Description of each part that is not ideal, a line each.

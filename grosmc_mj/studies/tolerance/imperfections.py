@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
-from grosmc_mj.experiments.file.parts import PART_KINDS, unit_of
+from grosmc_mj.experiments.file.parts import LOOP_PARTS, PART_KINDS, unit_of
+from grosmc_mj.experiments.steps import Member, Steps, with_values
 from grosmc_mj.output.results.tables import number, prefixed
 from grosmc_mj.simulation.loop import Loop, Sensor
 from grosmc_mj.simulation.loop.timing import TIMES, time_as_run
@@ -57,6 +58,20 @@ class Amount(NamedTuple):
             return self.value / factor
         return math.inf
 
+    def as_run(self, factor: float, timestep: float) -> float:
+        """Return the amount for a factor as a run has it: times are whole timesteps [s]."""
+        value = self.scaled(factor)
+        if self.quantity in TIMES:
+            return time_as_run(self.quantity, value, timestep)
+        return value
+
+    @property
+    def steps(self) -> Steps:
+        """Steps to it from the loop."""
+        if self.kind == "computing":
+            return self.kind, self.quantity
+        return f"{self.kind}s", Member(LOOP_PARTS[self.kind], self.of), self.quantity
+
 
 @dataclass(frozen=True)
 class Imperfection:
@@ -105,20 +120,14 @@ class Imperfection:
     def at(self, factor: float) -> Loop:
         """Return the loop with this factor on the bench's amounts, times on the timestep's grid."""
         loop = self.full if factor > 0 else self.base
-        for amount in self.amounts:
-            scaled = {amount.quantity: amount.scaled(factor)}
-            loop = loop.changed(amount.kind, amount.of, **scaled)
-        return loop.rounded(self.timestep)
+        changes = [(amount.steps, amount.as_run(factor, self.timestep)) for amount in self.amounts]
+        return with_values(loop, changes)
 
     def amount(self, factor: float) -> float:
         """Return the first amount for a factor as it is run, in its unit; else the factor."""
         if not self.single:
             return factor
-        first = self.amounts[0]
-        value = first.scaled(factor)
-        if first.quantity in TIMES:
-            return time_as_run(first.quantity, value, self.timestep)
-        return value
+        return self.amounts[0].as_run(factor, self.timestep)
 
     @property
     def unit(self) -> tuple[str, float]:
@@ -195,12 +204,12 @@ def imperfections(
         longer_period: Whether a longer control period is one of them.
     """
     everything = list(_amounts(bench, system, timestep, control_period))
-    groups: dict[str, list[Amount]] = {}
     # The bench's loop with ideal numbers: only its rates are estimated.
-    estimated = bench
+    estimated: Loop = with_values(
+        bench, [(amount.steps, amount.scaled(0.0)) for amount in everything]
+    )
+    groups: dict[str, list[Amount]] = {}
     for amount in everything:
-        ideal_number = {amount.quantity: amount.scaled(0.0)}
-        estimated = estimated.changed(amount.kind, amount.of, **ideal_number)
         title = f"{amount.kind} {amount.quantity}".replace("_", " ")
         groups.setdefault(title, []).append(amount)
     ideal = replace(estimated, estimators=(), sensors=_with_exact_rates(bench, estimated))
