@@ -211,7 +211,7 @@ def test_a_wrong_file_is_one_line(command: str, tmp_path: Path, capsys: Screen) 
     path = tmp_path / "wrong.toml"
     path.write_text(servo(2 * AMPLITUDE, laws=LQR, limits=DEVIATION))
     line = wrong(capsys, command, path, "--out", tmp_path / "out")
-    assert "two are uncertain 'load amplitude'" in line
+    assert "two are uncertain 'disturbance.load.scale'" in line
     assert not (tmp_path / "out").exists()
 
 
