@@ -18,7 +18,7 @@ from grosmc_mj.experiments.answer.curves import panel_of, quantity_panel
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.output.charts.chart import Axis, Chart, Curve, Layer, Marks, Panel
+from grosmc_mj.output.charts.chart import Chart, ChartAxis, Curve, Layer, Marks, Panel
 from grosmc_mj.output.charts.figure import write_chart
 from grosmc_mj.output.palette import OPTIMUM, PLANTS, REFERENCE, Stroke, law_styles
 
@@ -166,7 +166,7 @@ def _tip_panel(results: Sequence[RunResult]) -> Panel:
     x, z = results[0].comparison.reference.T
     layers.append(Curve(x, z, REFERENCE, name="reference"))
     # A plane needs more height than a curve over time.
-    return Panel(layers, Axis("tip x [m]"), Axis("tip z [m]"), equal=True, height=1.6)
+    return Panel(layers, ChartAxis("tip x [m]"), ChartAxis("tip z [m]"), equal=True, height=1.6)
 
 
 def claim_runs(lab: RunCache, system: str, case: str, laws: Sequence[str]) -> list[RunResult]:

@@ -9,7 +9,7 @@ from typing import Any
 
 from grosmc_mj.chapter import expected_results
 from grosmc_mj.chapter.agreement import Agreement, agreement_table, disagreements
-from grosmc_mj.chapter.claims.claim import Finding
+from grosmc_mj.chapter.claims.claim import ClaimFinding
 from grosmc_mj.chapter.claims.judging import verdict_differences
 from grosmc_mj.chapter.claims.results import claim_numbers, claims_values, counts_words
 from grosmc_mj.chapter.claims.story import claims_tables
@@ -69,7 +69,7 @@ class Validation:
     seed: int = 0
     results: list[RunResult] = field(default_factory=list)
     agreements: list[Agreement] = field(default_factory=list)
-    findings: list[Finding] = field(default_factory=list)
+    findings: list[ClaimFinding] = field(default_factory=list)
     complete: bool = False
     differing: list[str] = field(default_factory=list)
 

@@ -21,7 +21,7 @@ from grosmc_mj.output.films.film import Film, Format, Take
 from grosmc_mj.output.films.frames import Storyboard
 from grosmc_mj.output.films.frames import __file__ as drawing_code
 from grosmc_mj.output.films.storyboard import storyboard
-from grosmc_mj.output.films.write import Written, write_film
+from grosmc_mj.output.films.write import WrittenFilm, write_film
 from grosmc_mj.output.palette import law_styles
 from grosmc_mj.output.results.document import origin, write_json
 from grosmc_mj.simulation.trajectory import Status
@@ -173,7 +173,7 @@ def write_case_film(
     film: Film,
     path: Path,
     **rendering: Any,
-) -> Written:
+) -> WrittenFilm:
     """Write a film and, beside it, a JSON file with all that it was made from.
 
     Args:

@@ -22,7 +22,7 @@ from pydantic_core import PydanticCustomError, core_schema
 from grosmc_mj.ground.arguments import real, reals, require_known, whole
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, GrosmcError, value_text
-from grosmc_mj.ground.refusals import Place, line_of, refusal
+from grosmc_mj.ground.refusals import RefusedPlace, line_of, refusal
 
 Class = TypeVar("Class")
 Returned = TypeVar("Returned")
@@ -450,7 +450,7 @@ def translated(
 
     lines = []
     for mistake in refusals:
-        place = Place(_name(mistake["loc"], names), "argument", names)
+        place = RefusedPlace(_name(mistake["loc"], names), "argument", names)
         lines.append(line_of(mistake, place))
     return error(label + "; ".join(lines))
 

@@ -29,7 +29,7 @@ def refusal(wanted: str) -> PydanticCustomError:
     return PydanticCustomError("refused", "{wanted}", {"wanted": wanted})
 
 
-class Place(NamedTuple):
+class RefusedPlace(NamedTuple):
     """Place of a refused value.
 
     Attributes:
@@ -45,12 +45,12 @@ class Place(NamedTuple):
     where: str = ""
 
 
-def line_of(mistake: Any, place: Place) -> str:
+def line_of(mistake: Any, place: RefusedPlace) -> str:
     """Write one refusal of pydantic, an entry of ``ValidationError.errors()``."""
     return place.where + _words(mistake, place)
 
 
-def _words(mistake: Any, place: Place) -> str:
+def _words(mistake: Any, place: RefusedPlace) -> str:
     """Write a refusal without the beginning of its line."""
     kind = mistake["type"]
     message = mistake["msg"]

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from grosmc_mj.identify.predict import Prediction, Quantity, Question
-from grosmc_mj.output.charts.chart import Axis, Chart, Curve, Layer, Panel
+from grosmc_mj.output.charts.chart import Chart, ChartAxis, Curve, Layer, Panel
 from grosmc_mj.output.charts.figure import write_chart
 from grosmc_mj.output.palette import BLACK, BLUE, Stroke
 from grosmc_mj.output.results.result import (
@@ -199,9 +199,9 @@ def draw_prediction(question: Question, complete: Prediction, path: Path) -> Pat
             Curve(log.time, nearest, Stroke(BLUE, 1.4), name="predicted, the nearest seed")
         )
         layers.append(Curve(log.time, measured, Stroke(BLACK, 1.2), name="measured"))
-        rows.append([Panel(layers, y=Axis(f"{signal.name} [{signal.unit}]"))])
+        rows.append([Panel(layers, y=ChartAxis(f"{signal.name} [{signal.unit}]"))])
     (lowest,) = rows[-1]
-    rows[-1] = [replace(lowest, x=Axis("time [s]"))]
+    rows[-1] = [replace(lowest, x=ChartAxis("time [s]"))]
     size = (9.0, 2.3 * len(rows) + 0.9)
     title = f"{question.law} on {log.name}"
     return write_chart(Chart(rows, title=title, size=size, shared="x"), path, [".png"])

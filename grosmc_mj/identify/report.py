@@ -11,7 +11,7 @@ from grosmc_mj.ground.arrays import Array
 from grosmc_mj.identify.compare import PredictionError
 from grosmc_mj.identify.fit import Fit
 from grosmc_mj.identify.quality import Quality
-from grosmc_mj.output.charts.chart import Axis, Chart, Curve, Layer, Panel
+from grosmc_mj.output.charts.chart import Chart, ChartAxis, Curve, Layer, Panel
 from grosmc_mj.output.charts.figure import write_chart
 from grosmc_mj.output.palette import BLUE, GREY, VERMILION, Stroke
 from grosmc_mj.output.results.result import (
@@ -193,10 +193,10 @@ def draw_residuals(
     rows = []
     for name, pieces in parts.items():
         above, below = _state_layers(log, name, pieces)
-        rows.append([Panel(above, y=Axis(f"{name} [{units[name]}]"))])
-        rows.append([Panel(below, y=Axis(f"residual [{units[name]}]"))])
+        rows.append([Panel(above, y=ChartAxis(f"{name} [{units[name]}]"))])
+        rows.append([Panel(below, y=ChartAxis(f"residual [{units[name]}]"))])
     (lowest,) = rows[-1]
-    rows[-1] = [replace(lowest, x=Axis("time [s]"))]
+    rows[-1] = [replace(lowest, x=ChartAxis("time [s]"))]
     write_chart(Chart(rows, size=(9.0, 2.2 * len(rows) + 0.9), shared="x"), path, [".png"])
 
 

@@ -24,9 +24,16 @@ from shipped import REGULATION, uncertainty_of
 from grosmc_mj import cli
 from grosmc_mj.chapter.claims import claim as claims
 from grosmc_mj.chapter.claims import story
-from grosmc_mj.chapter.claims.claim import Claim, Finding, Kind, Measured, PlantFinding, Verdict
+from grosmc_mj.chapter.claims.claim import (
+    Claim,
+    ClaimFinding,
+    ClaimValue,
+    ClaimVerdict,
+    Kind,
+    PlantFinding,
+)
 from grosmc_mj.chapter.claims.judging import judge, verdict_differences
-from grosmc_mj.chapter.claims.ledger import CLAIMS, Measurement
+from grosmc_mj.chapter.claims.ledger import CLAIMS, ClaimMeasurement
 from grosmc_mj.chapter.claims.measurements.arm import tracking
 from grosmc_mj.chapter.claims.measurements.theory import optimum_of_rate
 from grosmc_mj.chapter.claims.results import claims_result, sweeps_result
@@ -46,29 +53,31 @@ LAB = RunCache(Settings())
 PAGE = Path(cli.__file__).parents[2] / "docs" / "claims.md"
 BY_ID = {claim.id: claim for claim in CLAIMS}
 
-SUPPORTED = Verdict.SUPPORTED
-REFUTED = Verdict.REFUTED
-UNDETERMINED = Verdict.UNDETERMINED
-PREMISE_NOT_MET = Verdict.PREMISE_NOT_MET
-INCONCLUSIVE = Verdict.INCONCLUSIVE
+SUPPORTED = ClaimVerdict.SUPPORTED
+REFUTED = ClaimVerdict.REFUTED
+UNDETERMINED = ClaimVerdict.UNDETERMINED
+PREMISE_NOT_MET = ClaimVerdict.PREMISE_NOT_MET
+INCONCLUSIVE = ClaimVerdict.INCONCLUSIVE
 
 
-def finding(claim: Claim, verdict: Verdict | None = None, value: float = -1.234e-5) -> Finding:
+def finding(
+    claim: Claim, verdict: ClaimVerdict | None = None, value: float = -1.234e-5
+) -> ClaimFinding:
     """A finding as wide as numbers get, with the expected verdicts or one for all plants."""
-    measured = Measured(value, "something short")
+    measured = ClaimValue(value, "something short")
     plants: dict[PlantName, PlantFinding] = {}
     for plant in claim.plants:
-        on_plant = PlantFinding(measured, Measured(value), verdict or claim.verdicts[plant])
+        on_plant = PlantFinding(measured, ClaimValue(value), verdict or claim.verdicts[plant])
         plants[plant] = on_plant
-    return Finding(claim, plants)
+    return ClaimFinding(claim, plants)
 
 
 EXPECTED = [finding(claim) for claim in CLAIMS]
 
 
-def measurement(name: str) -> Measurement:
+def measurement(name: str) -> ClaimMeasurement:
     measure = BY_ID[name].measure
-    assert isinstance(measure, Measurement)
+    assert isinstance(measure, ClaimMeasurement)
     return measure
 
 
@@ -271,9 +280,9 @@ class Level:
 class Invented:
     """A measurement with these values, by level or by plant; without values, the size."""
 
-    values: Sequence[Measured] | Mapping[str, Measured]
+    values: Sequence[ClaimValue] | Mapping[str, ClaimValue]
 
-    def __call__(self, lab: Any, plant: PlantName, size: float = 2.5) -> Measured:
+    def __call__(self, lab: Any, plant: PlantName, size: float = 2.5) -> ClaimValue:
         if size < 0:
             raise GainError("no gain")
         lab.log.append((lab.depth, plant))
@@ -281,11 +290,11 @@ class Invented:
             return self.values[plant]
         if lab.depth < len(self.values):
             return self.values[lab.depth]
-        return Measured(size)
+        return ClaimValue(size)
 
 
 def invented(
-    values: Sequence[Measured] | Mapping[str, Measured],
+    values: Sequence[ClaimValue] | Mapping[str, ClaimValue],
     plants: Sequence[str] = ("physics",),
     **changes: Any,
 ) -> Claim:
@@ -308,16 +317,16 @@ def invented(
     return Claim(**{**fields, **changes})
 
 
-def judged(claim: Claim, level: Any = None, **options: Any) -> Finding:
+def judged(claim: Claim, level: Any = None, **options: Any) -> ClaimFinding:
     stub: Any = level or Level()
     return judge(stub, claim, **options)
 
 
-BELOW = Measured(math.nextafter(2.0, 0.0))
-ABOVE = Measured(math.nextafter(2.0, 3.0))
-AT = Measured(2.0)
-NONE = Measured(None)
-NAN = Measured(math.nan)
+BELOW = ClaimValue(math.nextafter(2.0, 0.0))
+ABOVE = ClaimValue(math.nextafter(2.0, 3.0))
+AT = ClaimValue(2.0)
+NONE = ClaimValue(None)
+NAN = ClaimValue(math.nan)
 TIME_STEPS = [
     # The threshold itself supports, and no value refutes.
     (BELOW, BELOW, SUPPORTED, REFUTED),
@@ -325,12 +334,12 @@ TIME_STEPS = [
     (ABOVE, ABOVE, REFUTED, SUPPORTED),
     (NONE, NONE, REFUTED, REFUTED),
     # A value that moves without crossing the threshold is conclusive, one that crosses is not.
-    (Measured(1.9), Measured(0.1), SUPPORTED, REFUTED),
-    (Measured(1.0), Measured(3.0), INCONCLUSIVE, INCONCLUSIVE),
-    (Measured(3.0), Measured(1.0), INCONCLUSIVE, INCONCLUSIVE),
+    (ClaimValue(1.9), ClaimValue(0.1), SUPPORTED, REFUTED),
+    (ClaimValue(1.0), ClaimValue(3.0), INCONCLUSIVE, INCONCLUSIVE),
+    (ClaimValue(3.0), ClaimValue(1.0), INCONCLUSIVE, INCONCLUSIVE),
     # A run that ended early, or a value that is no number, is inconclusive.
-    (Measured(1.0, broken=True), Measured(1.0), INCONCLUSIVE, INCONCLUSIVE),
-    (Measured(3.0), Measured(3.0, broken=True), INCONCLUSIVE, INCONCLUSIVE),
+    (ClaimValue(1.0, broken=True), ClaimValue(1.0), INCONCLUSIVE, INCONCLUSIVE),
+    (ClaimValue(3.0), ClaimValue(3.0, broken=True), INCONCLUSIVE, INCONCLUSIVE),
     (NAN, NAN, INCONCLUSIVE, INCONCLUSIVE),
 ]
 over_time_steps = pytest.mark.parametrize(("coarse", "fine", "at_most", "at_least"), TIME_STEPS)
@@ -338,7 +347,7 @@ over_time_steps = pytest.mark.parametrize(("coarse", "fine", "at_most", "at_leas
 
 @over_time_steps
 def test_verdict_by_the_values_at_both_time_steps(
-    coarse: Measured, fine: Measured, at_most: Verdict, at_least: Verdict
+    coarse: ClaimValue, fine: ClaimValue, at_most: ClaimVerdict, at_least: ClaimVerdict
 ) -> None:
     assert judged(invented([coarse, fine])).verdict is at_most
     assert judged(invented([coarse, fine], sense="at least")).verdict is at_least
@@ -346,7 +355,7 @@ def test_verdict_by_the_values_at_both_time_steps(
 
 @over_time_steps
 def test_a_premise_is_named_only_where_the_claim_failed(
-    coarse: Measured, fine: Measured, at_most: Verdict, at_least: Verdict
+    coarse: ClaimValue, fine: ClaimValue, at_most: ClaimVerdict, at_least: ClaimVerdict
 ) -> None:
     failing = judged(invented([coarse, fine], premise=lambda _: "too small"))
     if at_most is REFUTED:
@@ -371,7 +380,7 @@ over_refinements = pytest.mark.parametrize(
 
 def on_two_plants(exact: bool) -> Claim:
     """A claim that is refuted on the first plant, and supported on the last one."""
-    values = {"printed": Measured(9.0), "corrected": Measured(1.0)}
+    values = {"printed": ClaimValue(9.0), "corrected": ClaimValue(1.0)}
     return invented(values, ("printed", "corrected"), exact=exact)
 
 
@@ -397,17 +406,17 @@ def test_the_last_plant_decides(exact: bool, options: dict[str, bool], depths: s
 @pytest.mark.parametrize(
     ("physics", "halved"),
     [
-        (Measured(1.0 + 1e-9), "corrected"),
-        (Measured(1.0 + 1e-5), "physics"),
-        (Measured(1.0, broken=True), "physics"),
-        (Measured(None), "physics"),
+        (ClaimValue(1.0 + 1e-9), "corrected"),
+        (ClaimValue(1.0 + 1e-5), "physics"),
+        (ClaimValue(1.0, broken=True), "physics"),
+        (ClaimValue(None), "physics"),
     ],
 )
 def test_time_steps_are_halved_on_the_equations_where_physics_gives_the_same(
-    physics: Measured, halved: str
+    physics: ClaimValue, halved: str
 ) -> None:
     level = Level()
-    values = {"corrected": Measured(1.0), "physics": physics}
+    values = {"corrected": ClaimValue(1.0), "physics": physics}
     claim = invented(values, ("corrected", "physics"))
     on_physics = judged(claim, level).plants["physics"]
     assert on_physics.measured == physics
@@ -419,7 +428,7 @@ def test_time_steps_are_halved_on_the_equations_where_physics_gives_the_same(
     ("value", "near"), [(0.9, False), (1.1, True), (2.9, True), (3.1, False), (None, False)]
 )
 def test_a_value_within_half_of_the_threshold_is_near(value: float | None, near: bool) -> None:
-    assert judged(invented([Measured(value)] * 2)).near is near
+    assert judged(invented([ClaimValue(value)] * 2)).near is near
 
 
 EVERY = {"every": ("size",)}
@@ -444,7 +453,7 @@ def with_choice(values: list[float], meant: Mapping[str, Any], **changes: Any) -
 
 @over_choices
 def test_verdict_over_choices(
-    values: list[float], meant: Any, verdict: Verdict, holds: Any, flip: float | None
+    values: list[float], meant: Any, verdict: ClaimVerdict, holds: Any, flip: float | None
 ) -> None:
     claim = with_choice(values, meant)
     result = judged(claim)
@@ -455,7 +464,7 @@ def test_verdict_over_choices(
 
 @over_choices
 def test_a_premise_explains_a_verdict_over_choices(
-    values: list[float], meant: Any, verdict: Verdict, holds: Any, flip: float | None
+    values: list[float], meant: Any, verdict: ClaimVerdict, holds: Any, flip: float | None
 ) -> None:
     result = judged(with_choice(values, meant, premise=lambda _: "too small"))
     if verdict is REFUTED:
@@ -466,7 +475,7 @@ def test_a_premise_explains_a_verdict_over_choices(
 
 @over_choices
 def test_a_claim_that_holds_for_some_value_only_names_it(
-    values: list[float], meant: Any, verdict: Verdict, holds: Any, flip: float | None
+    values: list[float], meant: Any, verdict: ClaimVerdict, holds: Any, flip: float | None
 ) -> None:
     result = judged(with_choice(values, meant))
     assert result.needs == ("size = 1" if verdict is SUPPORTED else "")
@@ -476,7 +485,7 @@ def test_a_claim_that_holds_for_some_value_only_names_it(
 
 @over_choices
 def test_a_sweep_finds_where_the_answer_changes(
-    values: list[float], meant: Any, verdict: Verdict, holds: Any, flip: float | None
+    values: list[float], meant: Any, verdict: ClaimVerdict, holds: Any, flip: float | None
 ) -> None:
     stub: Any = Level()
     (swept,) = sweep(stub, [with_choice(values, meant)])
@@ -493,18 +502,18 @@ def test_a_sweep_finds_where_the_answer_changes(
         assert words.startswith("1 of 1")
 
 
-def shifted(lab: Any, _: str, *, case: float, shift: float = 0.0) -> Measured:
+def shifted(lab: Any, _: str, *, case: float, shift: float = 0.0) -> ClaimValue:
     """A measurement with an error of 2^-depth; without a value at 0, and of no run above 90."""
     if case > 90:
         raise claims.NoValueError("the run ended")
     if case == 0:
-        return Measured(None)
-    return Measured(case + shift + 0.5**lab.depth)
+        return ClaimValue(None)
+    return ClaimValue(case + shift + 0.5**lab.depth)
 
 
-def extreme(cases: list[float], take: Any, shift: float = 0.0, **options: Any) -> Measured:
+def extreme(cases: list[float], take: Any, shift: float = 0.0, **options: Any) -> ClaimValue:
     stub: Any = Level()
-    return Measurement(shifted, {"case": cases}, take, **options)(stub, "physics", shift=shift)
+    return ClaimMeasurement(shifted, {"case": cases}, take, **options)(stub, "physics", shift=shift)
 
 
 def test_a_measurement_extrapolates_the_largest() -> None:
@@ -528,7 +537,7 @@ def test_an_extreme_has_no_value_where_one_of_its_points_has_none() -> None:
 
 def test_an_extreme_is_broken_where_a_run_ended() -> None:
     measured = extreme([1.0, 99.0], "largest")
-    assert measured == Measured(None, "the run ended", broken=True)
+    assert measured == ClaimValue(None, "the run ended", broken=True)
 
 
 @pytest.mark.parametrize(
@@ -545,9 +554,9 @@ def test_an_extreme_is_broken_where_a_run_ended() -> None:
     ],
 )
 def test_one_measurement_represents_several_choices(
-    name: str, verdict: Verdict, value: float
+    name: str, verdict: ClaimVerdict, value: float
 ) -> None:
-    trials = {"one": Measured(0.6), "other": Measured(1.5)}
+    trials = {"one": ClaimValue(0.6), "other": ClaimValue(1.5)}
     result = replace(finding(BY_ID[name], verdict, 1.0), trials=trials)
     assert result.representative.value == value
 
@@ -566,7 +575,7 @@ over_sentences = pytest.mark.parametrize(
 
 @over_sentences
 def test_claims_under_one_sentence_have_one_verdict(
-    verdicts: list[Verdict], together: Verdict
+    verdicts: list[ClaimVerdict], together: ClaimVerdict
 ) -> None:
     findings = [finding(BY_ID["theorem-1"], verdict) for verdict in verdicts]
     assert claims.Sentence("quote", tuple(findings)).verdict is together
@@ -574,7 +583,9 @@ def test_claims_under_one_sentence_have_one_verdict(
 
 
 @over_sentences
-def test_questions_are_counted_one_by_one(verdicts: list[Verdict], together: Verdict) -> None:
+def test_questions_are_counted_one_by_one(
+    verdicts: list[ClaimVerdict], together: ClaimVerdict
+) -> None:
     questions = [finding(BY_ID["servo-bench-load"], verdict) for verdict in verdicts]
     assert claims.verdicts_of(questions, Kind.QUESTION) == verdicts
     assert claims.sentences_of(questions) == []
@@ -594,7 +605,7 @@ CAUSES = {
 def counts_row() -> list[str]:
     """The row of the chapter's sentences in the table of counts."""
     verdicts = [sentence.verdict for sentence in SENTENCES]
-    counts = [str(verdicts.count(verdict)) for verdict in Verdict]
+    counts = [str(verdicts.count(verdict)) for verdict in ClaimVerdict]
     return [Kind.CLAIM.value, *counts, str(len(SENTENCES))]
 
 
@@ -640,14 +651,14 @@ def test_the_page_tells_every_claim_that_is_not_supported() -> None:
     assert set(CAUSES) <= set(headings)
 
 
-def result_of_misprint(verdict: Verdict | None) -> dict[str, Any]:
+def result_of_misprint(verdict: ClaimVerdict | None) -> dict[str, Any]:
     """The document of a claim without a number: with its expected verdict, or another one."""
     misprint = finding(BY_ID["arm-eq57"], verdict, math.nan)
     return json.loads(json_text(claims_result([misprint], LAB.settings)))
 
 
 @pytest.mark.parametrize("verdict", [None, SUPPORTED])
-def test_a_result_of_claims_holds_no_nan(verdict: Verdict | None) -> None:
+def test_a_result_of_claims_holds_no_nan(verdict: ClaimVerdict | None) -> None:
     content = result_of_misprint(verdict)
     assert content["claims"][0]["plants"]["corrected"]["value"] is None
 
@@ -660,7 +671,7 @@ def test_a_result_of_claims_holds_no_nan(verdict: Verdict | None) -> None:
     ],
 )
 def test_a_result_of_claims_says_whether_verdicts_are_as_expected(
-    verdict: Verdict | None, words: str, value: str
+    verdict: ClaimVerdict | None, words: str, value: str
 ) -> None:
     document = Result.model_validate(result_of_misprint(verdict))
     assert document.answers[0].words == words
@@ -674,7 +685,7 @@ def test_verdicts_that_are_not_expected_are_named() -> None:
 
 
 def test_every_claim_stands_in_one_table_within_the_width_whatever_its_verdict() -> None:
-    verdicts = itertools.cycle(Verdict)
+    verdicts = itertools.cycle(ClaimVerdict)
     mixed = [finding(claim, verdict) for claim, verdict in zip(CLAIMS, verdicts, strict=False)]
     names = [row[0] for table in story.statements_tables(mixed) for row in table.rows]
     assert sorted(names) == sorted(BY_ID)

@@ -11,7 +11,7 @@ import pytest
 import scipy.integrate
 import scipy.linalg
 
-from grosmc_mj.chapter.claims.claim import Verdict
+from grosmc_mj.chapter.claims.claim import ClaimVerdict
 from grosmc_mj.chapter.claims.judging import judge
 from grosmc_mj.chapter.claims.ledger import find_claim
 from grosmc_mj.chapter.claims.measurements.servo import undercut
@@ -138,10 +138,10 @@ def test_few_weights_bring_the_pole_to_rest_in_two_seconds() -> None:
 
 @pytest.mark.slow
 def test_larger_gains_bring_the_pole_back_from_every_angle() -> None:
-    verdicts: Any = {"corrected": Verdict.SUPPORTED}
+    verdicts: Any = {"corrected": ClaimVerdict.SUPPORTED}
     claim = replace(find_claim("pendulum-region-robust"), verdicts=verdicts)
     robust = judge(LAB, claim, refine=False)
-    assert robust.verdict is Verdict.SUPPORTED
+    assert robust.verdict is ClaimVerdict.SUPPORTED
     assert robust.needs.startswith("declared |θ|, |θ'| = [1.4, 1.5]")
     assert "η = " in robust.needs
     assert "γ1 = " in robust.needs

@@ -23,7 +23,7 @@ WORDS: dict[str, dict[str, Any]] = tomllib.loads(
 )
 
 
-class Verdict(Enum):
+class ClaimVerdict(Enum):
     """Verdict of a claim.
 
     A claim is undetermined if its answer depends on a choice that the chapter does not print. Its
@@ -58,7 +58,7 @@ class NoValueError(GrosmcError):
     """A measurement has no value, because a run on which it rests ended early or is empty."""
 
 
-class Measured(NamedTuple):
+class ClaimValue(NamedTuple):
     """A measured value.
 
     Attributes:
@@ -141,11 +141,11 @@ class Claim:
     source: str
     criterion: str
     why: str
-    measure: Callable[..., Measured]
+    measure: Callable[..., ClaimValue]
     sense: Literal["at most", "at least"]
     threshold: float
     unit: str
-    verdicts: Annotated[Mapping[PlantName, Verdict], Field(min_length=1)]
+    verdicts: Annotated[Mapping[PlantName, ClaimVerdict], Field(min_length=1)]
     reason: str
     untested: str
     kind: Kind = Kind.CLAIM
@@ -178,7 +178,7 @@ class Claim:
             return "for the printed numbers"
         return "for the printed numbers, and those declared here where none is printed"
 
-    def holds(self, measured: Measured) -> bool:
+    def holds(self, measured: ClaimValue) -> bool:
         """Whether a measurement meets the criterion; one without a value does not."""
         if measured.value is None:
             return False
@@ -198,14 +198,14 @@ class PlantFinding:
         finer: Plant on which the time steps were halved.
     """
 
-    measured: Measured
-    refined: Measured | None
-    verdict: Verdict
+    measured: ClaimValue
+    refined: ClaimValue | None
+    verdict: ClaimVerdict
     finer: PlantName = "corrected"
 
 
 @dataclass(frozen=True)
-class Finding:
+class ClaimFinding:
     """The measurements of a claim on all its plants.
 
     Attributes:
@@ -219,10 +219,10 @@ class Finding:
     claim: Claim
     plants: Mapping[PlantName, PlantFinding]
     because: str = ""
-    trials: Mapping[str, Measured] = field(default_factory=dict)
+    trials: Mapping[str, ClaimValue] = field(default_factory=dict)
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> ClaimVerdict:
         """Verdict on the plant that decides: physics, if the claim can be judged on it."""
         return self.decisive.verdict
 
@@ -232,16 +232,16 @@ class Finding:
         return self.plants[self.claim.plants[-1]]
 
     @property
-    def unexpected(self) -> dict[PlantName, Verdict]:
+    def unexpected(self) -> dict[PlantName, ClaimVerdict]:
         """The verdicts that are not the expected ones, by plant."""
-        unexpected: dict[PlantName, Verdict] = {}
+        unexpected: dict[PlantName, ClaimVerdict] = {}
         for plant, finding in self.plants.items():
             if finding.verdict is not self.claim.verdicts[plant]:
                 unexpected[plant] = finding.verdict
         return unexpected
 
     @property
-    def representative(self) -> Measured:
+    def representative(self) -> ClaimValue:
         """The measurement that stands for the claim, on the plant that decides.
 
         Of a claim that holds for every one of its choices, it is the worst; of one that is meant
@@ -251,10 +251,10 @@ class Finding:
         values = [trial for trial in self.trials.values() if trial.value is not None]
         if measured.value is not None:
             values.insert(0, measured)
-        if not self.trials or self.verdict is Verdict.UNDETERMINED or not values:
+        if not self.trials or self.verdict is ClaimVerdict.UNDETERMINED or not values:
             return measured
 
-        takes_worst = bool(self.claim.every) and self.verdict is Verdict.SUPPORTED
+        takes_worst = bool(self.claim.every) and self.verdict is ClaimVerdict.SUPPORTED
         largest_is_worst = self.claim.sense == "at most"
         if takes_worst is largest_is_worst:
             return max(values, key=_value)
@@ -272,7 +272,7 @@ class Finding:
     @property
     def needs(self) -> str:
         """The value of a choice with which alone the statement holds; empty if as declared."""
-        if self.verdict is not Verdict.SUPPORTED or self.claim.holds(self.decisive.measured):
+        if self.verdict is not ClaimVerdict.SUPPORTED or self.claim.holds(self.decisive.measured):
             return ""
 
         holding = []
@@ -284,7 +284,7 @@ class Finding:
     @property
     def turns(self) -> str:
         """With which choices the statement is true, and with which not; empty unless it turns."""
-        if self.verdict is not Verdict.UNDETERMINED:
+        if self.verdict is not ClaimVerdict.UNDETERMINED:
             return ""
 
         true = []
@@ -296,7 +296,7 @@ class Finding:
         return f"true with {', '.join(true)}; false with {', '.join(false)}"
 
 
-def _value(measured: Measured) -> float:
+def _value(measured: ClaimValue) -> float:
     """The value of a measurement that has one."""
     assert measured.value is not None
     return measured.value
@@ -304,11 +304,11 @@ def _value(measured: Measured) -> float:
 
 # The verdict of a sentence is the first of these that one of its claims has.
 _WEAKEST = (
-    Verdict.REFUTED,
-    Verdict.PREMISE_NOT_MET,
-    Verdict.UNDETERMINED,
-    Verdict.INCONCLUSIVE,
-    Verdict.SUPPORTED,
+    ClaimVerdict.REFUTED,
+    ClaimVerdict.PREMISE_NOT_MET,
+    ClaimVerdict.UNDETERMINED,
+    ClaimVerdict.INCONCLUSIVE,
+    ClaimVerdict.SUPPORTED,
 )
 RULE = (
     "A sentence is refuted if any claim under it is refuted. Otherwise its premise is not met if "
@@ -327,17 +327,17 @@ class Sentence:
     """
 
     quote: str
-    findings: tuple[Finding, ...]
+    findings: tuple[ClaimFinding, ...]
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> ClaimVerdict:
         """The claims' verdicts together, by ``RULE``."""
         return min((finding.verdict for finding in self.findings), key=_WEAKEST.index)
 
 
-def sentences_of(findings: Iterable[Finding]) -> list[Sentence]:
+def sentences_of(findings: Iterable[ClaimFinding]) -> list[Sentence]:
     """Return the sentences that claims of the chapter rest on, in the claims' order."""
-    by_sentence: dict[tuple[str, str], list[Finding]] = {}
+    by_sentence: dict[tuple[str, str], list[ClaimFinding]] = {}
     for finding in findings:
         if finding.claim.kind is Kind.CLAIM:
             sentence = (finding.claim.system, finding.claim.quote)
@@ -345,7 +345,7 @@ def sentences_of(findings: Iterable[Finding]) -> list[Sentence]:
     return [Sentence(quote, tuple(group)) for (_, quote), group in by_sentence.items()]
 
 
-def verdicts_of(findings: Iterable[Finding], kind: Kind) -> list[Verdict]:
+def verdicts_of(findings: Iterable[ClaimFinding], kind: Kind) -> list[ClaimVerdict]:
     """Return the verdicts of a kind that are counted: one a sentence, or one a statement."""
     of_kind = [finding for finding in findings if finding.claim.kind is kind]
     if kind is Kind.CLAIM:

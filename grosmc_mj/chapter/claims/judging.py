@@ -13,11 +13,11 @@ from typing import Any
 from grosmc_mj.chapter.claims.claim import (
     Choice,
     Claim,
-    Finding,
-    Measured,
+    ClaimFinding,
+    ClaimValue,
+    ClaimVerdict,
     NeedsSlidingModeError,
     PlantFinding,
-    Verdict,
 )
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
@@ -31,7 +31,7 @@ _SAME = 1e-6
 _PART = 8
 
 
-def judge(lab: RunCache, claim: Claim, *, refine: bool = True) -> Finding:
+def judge(lab: RunCache, claim: Claim, *, refine: bool = True) -> ClaimFinding:
     """Measure a claim on every plant, at the run cache's settings and at half the time steps.
 
     The choices are tried on the plant that decides, and count on every plant.
@@ -49,19 +49,22 @@ def judge(lab: RunCache, claim: Claim, *, refine: bool = True) -> Finding:
             equations = plants.get("corrected")
         plants[plant] = _judge_on(lab, claim, plant, trials, equations, refine=refine)
 
-    finding = Finding(claim, plants, trials=trials)
-    if claim.premise is None or finding.verdict not in (Verdict.REFUTED, Verdict.UNDETERMINED):
+    finding = ClaimFinding(claim, plants, trials=trials)
+    if claim.premise is None or finding.verdict not in (
+        ClaimVerdict.REFUTED,
+        ClaimVerdict.UNDETERMINED,
+    ):
         return finding
 
     because = claim.premise(lab)
     if because:
         for plant, on_plant in plants.items():
-            if on_plant.verdict is Verdict.REFUTED:
-                plants[plant] = replace(on_plant, verdict=Verdict.PREMISE_NOT_MET)
+            if on_plant.verdict is ClaimVerdict.REFUTED:
+                plants[plant] = replace(on_plant, verdict=ClaimVerdict.PREMISE_NOT_MET)
     return replace(finding, because=because)
 
 
-def _trials(lab: RunCache, claim: Claim) -> dict[str, Measured]:
+def _trials(lab: RunCache, claim: Claim) -> dict[str, ClaimValue]:
     """Measurements on the plant that decides, for the choices that the claim is meant for."""
     trials = {}
     for choice in claim.choices:
@@ -76,7 +79,7 @@ def _judge_on(
     lab: RunCache,
     claim: Claim,
     plant: PlantName,
-    trials: Mapping[str, Measured],
+    trials: Mapping[str, ClaimValue],
     equations: PlantFinding | None,
     *,
     refine: bool,
@@ -98,8 +101,8 @@ def _judge_on(
 
 
 def _verdict(
-    claim: Claim, measured: Measured, refined: Measured | None, trials: Iterable[Measured]
-) -> Verdict:
+    claim: Claim, measured: ClaimValue, refined: ClaimValue | None, trials: Iterable[ClaimValue]
+) -> ClaimVerdict:
     """The verdict on one plant, by its values at both time steps and by the trials."""
     values = [measured]
     if refined is not None:
@@ -108,22 +111,22 @@ def _verdict(
     holds = claim.holds(measured)
     for value in values:
         if not _conclusive(value) or claim.holds(value) is not holds:
-            return Verdict.INCONCLUSIVE
+            return ClaimVerdict.INCONCLUSIVE
 
     for trial in trials:
         if not trial.broken and claim.holds(trial) is not holds:
-            return Verdict.SUPPORTED if claim.some else Verdict.UNDETERMINED
-    return Verdict.SUPPORTED if holds else Verdict.REFUTED
+            return ClaimVerdict.SUPPORTED if claim.some else ClaimVerdict.UNDETERMINED
+    return ClaimVerdict.SUPPORTED if holds else ClaimVerdict.REFUTED
 
 
-def _conclusive(measured: Measured) -> bool:
+def _conclusive(measured: ClaimValue) -> bool:
     """Whether a measurement can be judged; a missing value can: it meets no criterion."""
     if measured.broken:
         return False
     return measured.value is None or math.isfinite(measured.value)
 
 
-def _same(physics: Measured, equations: Measured) -> bool:
+def _same(physics: ClaimValue, equations: ClaimValue) -> bool:
     """Whether both plants gave the same value."""
     if physics.value is None or equations.value is None or physics.broken or equations.broken:
         return False
@@ -132,7 +135,7 @@ def _same(physics: Measured, equations: Measured) -> bool:
 
 def measure_with(
     lab: RunCache, claim: Claim, plant: PlantName, choice: Choice, value: Any
-) -> Measured:
+) -> ClaimValue:
     """Measure with another value of a choice; broken where no law can be designed.
 
     Raises:
@@ -145,10 +148,10 @@ def measure_with(
     except NeedsSlidingModeError:
         raise
     except GrosmcError as error:
-        return Measured(None, str(error), broken=True)
+        return ClaimValue(None, str(error), broken=True)
 
 
-def verdict_differences(findings: Sequence[Finding]) -> list[str]:
+def verdict_differences(findings: Sequence[ClaimFinding]) -> list[str]:
     """Return one line for each verdict that is not the expected one."""
     lines = []
     for finding in findings:
@@ -165,7 +168,7 @@ def judge_claims(
     executor: Executor,
     advance: Callable[[str], object] = lambda _: None,
     notice: Notice = lambda _: None,
-) -> Iterator[Finding]:
+) -> Iterator[ClaimFinding]:
     """Judge claims as ``judge`` does; yield them in the order in which processes finish them.
 
     Args:
@@ -200,6 +203,6 @@ def parts_of(claims: Sequence[Claim]) -> list[list[Claim]]:
     return parts
 
 
-def _judged(lab: RunCache, parts: Sequence[Sequence[Claim]], index: int) -> list[Finding]:
+def _judged(lab: RunCache, parts: Sequence[Sequence[Claim]], index: int) -> list[ClaimFinding]:
     """Judge a part; all parts that come to one process share its runs."""
     return [judge(lab, claim) for claim in parts[index]]

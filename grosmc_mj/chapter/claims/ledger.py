@@ -12,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
-from grosmc_mj.chapter.claims.claim import WORDS, Choice, Claim, Kind, Measured, NoValueError
+from grosmc_mj.chapter.claims.claim import WORDS, Choice, Claim, ClaimValue, Kind, NoValueError
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
@@ -22,7 +22,7 @@ from grosmc_mj.theory.plants import SYSTEMS
 
 
 @dataclass(frozen=True)
-class Measurement:
+class ClaimMeasurement:
     """A measurement with the arguments of its claim.
 
     Attributes:
@@ -32,7 +32,7 @@ class Measurement:
         extrapolated: Whether the value is extrapolated to a sampling time of zero.
     """
 
-    function: Callable[..., Measured]
+    function: Callable[..., ClaimValue]
     arguments: Mapping[str, Any]
     take: Literal["", "largest", "least"] = ""
     extrapolated: bool = False
@@ -42,7 +42,7 @@ class Measurement:
         lab: RunCache,
         plant: PlantName,
         **changed: Any,
-    ) -> Measured:
+    ) -> ClaimValue:
         """The value on a plant; broken if a run that it rests on is."""
         arguments = {**self.arguments, **changed}
         if "epsilon" in arguments:
@@ -52,14 +52,14 @@ class Measurement:
                 return self._extreme(lab, plant, arguments)
             return self._at(lab, plant, arguments)
         except NoValueError as error:
-            return Measured(None, str(error), broken=True)
+            return ClaimValue(None, str(error), broken=True)
 
     def _extreme(
         self,
         lab: RunCache,
         plant: PlantName,
         arguments: Mapping[str, Any],
-    ) -> Measured:
+    ) -> ClaimValue:
         """The extreme over all combinations of the lists, with all values in its note."""
         lists = [name for name in arguments if isinstance(arguments[name], list)]
         points = []
@@ -73,7 +73,7 @@ class Measurement:
             note = f"{where} {point.value:.3g}"
             if point.note:
                 note += f" ({point.note})"
-            points.append(Measured(point.value, note))
+            points.append(ClaimValue(point.value, note))
 
         pick = max if self.take == "largest" else min
         extreme = pick(points, key=lambda point: point.value or 0.0)
@@ -84,7 +84,7 @@ class Measurement:
         lab: RunCache,
         plant: PlantName,
         arguments: Mapping[str, Any],
-    ) -> Measured:
+    ) -> ClaimValue:
         """The value v at T, or 2 v(T/2) - v(T), which removes an error that is linear in T."""
         first = self.function(lab, plant, **arguments)
         if not self.extrapolated or first.value is None or first.broken:
@@ -94,7 +94,7 @@ class Measurement:
         if second.value is None or second.broken:
             return second
         note = f"{first.value:.3g} at T, {second.value:.3g} at T/2"
-        return Measured(abs(2 * second.value - first.value), note)
+        return ClaimValue(abs(2 * second.value - first.value), note)
 
 
 def read_claims(path: Path) -> list[Claim]:
@@ -131,12 +131,12 @@ def _claim(
     return Claim(**fields)
 
 
-def _measurement(table: Mapping[str, Any], system: str) -> Measurement:
+def _measurement(table: Mapping[str, Any], system: str) -> ClaimMeasurement:
     options = dict(table)
     take = options.pop("take", "")
     extrapolated = options.pop("extrapolated", False)
     function, arguments = _function(options, system)
-    return Measurement(function, arguments, take, extrapolated)
+    return ClaimMeasurement(function, arguments, take, extrapolated)
 
 
 def _function(table: Mapping[str, Any], system: str) -> tuple[Callable[..., Any], dict[str, Any]]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import jinja2
 
-from grosmc_mj.chapter.claims.claim import Finding
+from grosmc_mj.chapter.claims.claim import ClaimFinding
 from grosmc_mj.chapter.claims.picture import write_picture
 from grosmc_mj.chapter.claims.story import (
     claim_tables,
@@ -26,7 +26,7 @@ from grosmc_mj.output.results.tables import Table, table, words
 _HOME = Path(__file__)
 
 
-def write_page(findings: Sequence[Finding], lab: RunCache, path: Path) -> list[Path]:
+def write_page(findings: Sequence[ClaimFinding], lab: RunCache, path: Path) -> list[Path]:
     """Write the page and, in a folder beside it, the figure of each defect and refuted claim.
 
     Returns:
@@ -47,7 +47,9 @@ def write_page(findings: Sequence[Finding], lab: RunCache, path: Path) -> list[P
     return [path, *figures]
 
 
-def _page_text(findings: Sequence[Finding], stories: Sequence[Finding], lab: RunCache) -> str:
+def _page_text(
+    findings: Sequence[ClaimFinding], stories: Sequence[ClaimFinding], lab: RunCache
+) -> str:
     """The page in Markdown, with links from the claims' names to their stories."""
     environment = jinja2.Environment(
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from grosmc_mj.chapter.claims.claim import Finding, Measured
+from grosmc_mj.chapter.claims.claim import ClaimFinding, ClaimValue
 from grosmc_mj.chapter.figures import case_panel, claim_runs, over_time
 from grosmc_mj.experiments.run_cache import RunCache
-from grosmc_mj.output.charts.chart import Axis, Chart, Layer, Level, Marks, Panel
+from grosmc_mj.output.charts.chart import Chart, ChartAxis, Layer, LevelLine, Marks, Panel
 from grosmc_mj.output.charts.figure import write_chart
 from grosmc_mj.output.palette import FAILED, INK, KEPT, VERDICT_COLOURS, Stroke
 
@@ -20,7 +20,7 @@ _CURVES = 4.0
 _ROW = 0.22
 
 
-def write_picture(finding: Finding, lab: RunCache, path: Path) -> Path:
+def write_picture(finding: ClaimFinding, lab: RunCache, path: Path) -> Path:
     """Write the figure of a claim as PNG.
 
     Raises:
@@ -29,7 +29,7 @@ def write_picture(finding: Finding, lab: RunCache, path: Path) -> Path:
     return write_chart(_picture(finding, lab), path, (".png",))
 
 
-def _picture(finding: Finding, lab: RunCache) -> Chart:
+def _picture(finding: ClaimFinding, lab: RunCache) -> Chart:
     """Return the values of a claim, and below them the curves that show it."""
     claim = finding.claim
     title = f"{claim.id}: {finding.verdict.value}"
@@ -44,7 +44,7 @@ def _picture(finding: Finding, lab: RunCache) -> Chart:
     return Chart([[values], [curves]], title=title, size=(_WIDTH, values.height + _CURVES))
 
 
-def _values_panel(finding: Finding) -> Panel:
+def _values_panel(finding: ClaimFinding) -> Panel:
     """Return one row for each plant: filled at T, hollow at T/2, and the threshold.
 
     A row for each value of the choices that the claim is meant for follows, on the plant that
@@ -61,7 +61,7 @@ def _values_panel(finding: Finding) -> Panel:
     for name, trial in finding.trials.items():
         colour = KEPT if claim.holds(trial) else FAILED
         layers += _point(rows.index(name), trial, colour)
-    layers.append(Level("x", claim.threshold, Stroke(INK, 1.2, "dash")))
+    layers.append(LevelLine("x", claim.threshold, Stroke(INK, 1.2, "dash")))
 
     shown = [claim.threshold, *_values(finding)]
     far = min(shown) > 0 and max(shown) > _WIDE * min(shown)
@@ -72,16 +72,16 @@ def _values_panel(finding: Finding) -> Panel:
     names = {float(place): name for place, name in enumerate(rows)}
     return Panel(
         layers,
-        Axis(title, "log" if far else "linear"),
+        ChartAxis(title, "log" if far else "linear"),
         # The first row is at the top.
-        Axis(ticks=names, low=len(rows) - 0.5, high=-0.5),
+        ChartAxis(ticks=names, low=len(rows) - 0.5, high=-0.5),
         height=1.6 + _ROW * len(finding.trials),
     )
 
 
 def _point(
     row: int,
-    measured: Measured,
+    measured: ClaimValue,
     colour: str,
     *,
     hollow: bool = False,
@@ -92,7 +92,7 @@ def _point(
     return [Marks([measured.value], [float(row)], colour, size=7.0, hollow=hollow)]
 
 
-def _values(finding: Finding) -> list[float]:
+def _values(finding: ClaimFinding) -> list[float]:
     """All values of a finding."""
     measured = list(finding.trials.values())
     for on_plant in finding.plants.values():

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from grosmc_mj.chapter.claims.claim import Finding, Kind, verdicts_of
+from grosmc_mj.chapter.claims.claim import ClaimFinding, Kind, verdicts_of
 from grosmc_mj.chapter.claims.story import claim_tables, claims_tables, turning_table
 from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.output.results.document import plain
@@ -50,7 +50,7 @@ _HOLDS = {True: "the claim holds", False: "it does not", None: "nothing can be t
 
 
 def claims_result(
-    findings: Sequence[Finding], settings: Settings, faults: Sequence[str] = ()
+    findings: Sequence[ClaimFinding], settings: Settings, faults: Sequence[str] = ()
 ) -> Result:
     """Return the result of judged claims; of a single one it tells how it was judged.
 
@@ -89,7 +89,7 @@ def claims_result(
     )
 
 
-def counts_words(findings: Sequence[Finding]) -> str:
+def counts_words(findings: Sequence[ClaimFinding]) -> str:
     """Return the counts of the chapter's sentences by verdict, in words; empty without any."""
     counts = Counter(verdict.value for verdict in verdicts_of(findings, Kind.CLAIM))
     if not counts:
@@ -98,7 +98,7 @@ def counts_words(findings: Sequence[Finding]) -> str:
     return f"sentences of the chapter: {shares}"
 
 
-def claims_values(findings: Sequence[Finding]) -> Iterator[Value]:
+def claims_values(findings: Sequence[ClaimFinding]) -> Iterator[Value]:
     """Yield the verdicts and values of claims."""
     for finding in findings:
         claim = finding.claim
@@ -111,7 +111,7 @@ def claims_values(findings: Sequence[Finding]) -> Iterator[Value]:
             yield Value(name=name, value=value, unit=claim.unit, relative=_SWITCHED)
 
 
-def claim_numbers(finding: Finding) -> dict[str, Any]:
+def claim_numbers(finding: ClaimFinding) -> dict[str, Any]:
     """Return one claim with its measurements, at T and at half of it."""
     claim = finding.claim
     plants = {}

@@ -8,11 +8,11 @@ from typing import Any
 from grosmc_mj.chapter.claims.claim import (
     RULE,
     Claim,
-    Finding,
+    ClaimFinding,
+    ClaimValue,
+    ClaimVerdict,
     Kind,
-    Measured,
     PlantFinding,
-    Verdict,
     sentences_of,
     verdicts_of,
 )
@@ -33,7 +33,7 @@ EVIDENCE = [
 ]
 
 
-def number_of(measured: Measured | None) -> str:
+def number_of(measured: ClaimValue | None) -> str:
     """Return a value in short, or ``none``."""
     if measured is None or measured.value is None:
         return "none"
@@ -49,14 +49,14 @@ def criterion_text(claim: Claim) -> str:
     return f"{limit} {claim.unit}"
 
 
-def has_story(finding: Finding) -> bool:
+def has_story(finding: ClaimFinding) -> bool:
     """Whether the page has the claim's story: of equations, proofs, and claims not supported."""
     if finding.claim.kind in (Kind.MISPRINT, Kind.PROOF):
         return True
-    return finding.verdict is not Verdict.SUPPORTED
+    return finding.verdict is not ClaimVerdict.SUPPORTED
 
 
-def turning_reasons(finding: Finding) -> list[str]:
+def turning_reasons(finding: ClaimFinding) -> list[str]:
     """Return what can turn the verdict: a near threshold, and choices that are not printed."""
     reasons = []
     if finding.near:
@@ -67,24 +67,24 @@ def turning_reasons(finding: Finding) -> list[str]:
     return reasons + [f"flips {flips[name]}" for name in unprinted if name in flips]
 
 
-def counts_table(findings: Sequence[Finding]) -> Table:
+def counts_table(findings: Sequence[ClaimFinding]) -> Table:
     """Return the counts of sentences and statements by verdict."""
     rows = []
     for kind in Kind:
         of_kind = verdicts_of(findings, kind)
         if of_kind:
-            counts = [str(of_kind.count(verdict)) for verdict in Verdict]
+            counts = [str(of_kind.count(verdict)) for verdict in ClaimVerdict]
             rows.append([kind.value, *counts, str(len(of_kind))])
 
-    headers = [verdict.value for verdict in Verdict]
+    headers = [verdict.value for verdict in ClaimVerdict]
     return table("Verdicts of physics", [*words(""), *numbers(*headers, "all")], rows)
 
 
-def causes_table(findings: Sequence[Finding]) -> Table:
+def causes_table(findings: Sequence[ClaimFinding]) -> Table:
     """Return the causes for which claims are not supported, the most frequent first."""
     causes: dict[str, list[str]] = {}
     for finding in findings:
-        if finding.verdict is not Verdict.SUPPORTED:
+        if finding.verdict is not ClaimVerdict.SUPPORTED:
             causes.setdefault(finding.claim.cause, []).append(finding.claim.id)
 
     rows = []
@@ -98,7 +98,7 @@ def causes_table(findings: Sequence[Finding]) -> Table:
     return table("", columns, rows)
 
 
-def sentences_table(findings: Sequence[Finding]) -> Table:
+def sentences_table(findings: Sequence[ClaimFinding]) -> Table:
     """Return each sentence of the chapter with its verdict and the claims under it."""
     rows = []
     for sentence in sentences_of(findings):
@@ -111,7 +111,7 @@ def sentences_table(findings: Sequence[Finding]) -> Table:
     return table(Kind.CLAIM.value, columns, rows, legend=RULE)
 
 
-def statements_tables(findings: Sequence[Finding]) -> list[Table]:
+def statements_tables(findings: Sequence[ClaimFinding]) -> list[Table]:
     """Return for each kind the table of its statements, with the value on the deciding plant."""
     columns = [*words("claim"), *text("statement"), *numbers("found"), *verdicts("verdict")]
     tables = []
@@ -123,7 +123,7 @@ def statements_tables(findings: Sequence[Finding]) -> list[Table]:
     return tables
 
 
-def _statement(finding: Finding) -> list[str]:
+def _statement(finding: ClaimFinding) -> list[str]:
     """The row of one claim."""
     claim = finding.claim
     statement = claim.statement
@@ -140,7 +140,7 @@ def _statement(finding: Finding) -> list[str]:
     ]
 
 
-def story_of(finding: Finding) -> dict[str, str]:
+def story_of(finding: ClaimFinding) -> dict[str, str]:
     """Return the story of one claim: titles and texts."""
     claim = finding.claim
     story = {
@@ -162,7 +162,7 @@ def story_of(finding: Finding) -> dict[str, str]:
     return {title: words for title, words in story.items() if words}
 
 
-def claim_tables(finding: Finding) -> list[Table]:
+def claim_tables(finding: ClaimFinding) -> list[Table]:
     """Return the story of one claim, and its values on each plant at T and at half of it."""
     story = story_of(finding)
     if "equation" in story:
@@ -192,7 +192,7 @@ def _evidence(plant: PlantName, on_plant: PlantFinding, unit: str) -> list[str]:
     ]
 
 
-def claims_tables(findings: Sequence[Finding]) -> list[Table]:
+def claims_tables(findings: Sequence[ClaimFinding]) -> list[Table]:
     """Return all tables of claims, the briefest first."""
     return [
         counts_table(findings),

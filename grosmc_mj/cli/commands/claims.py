@@ -16,7 +16,7 @@ from grosmc_mj.cli.targets import CASES
 from grosmc_mj.ground.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from grosmc_mj.chapter.claims.claim import Claim, Finding
+    from grosmc_mj.chapter.claims.claim import Claim, ClaimFinding
     from grosmc_mj.experiments.assumptions.audit import Audit
     from grosmc_mj.experiments.experiment import Experiment
     from grosmc_mj.experiments.run_cache import RunCache
@@ -76,7 +76,7 @@ class _JudgeQuestion(Question):
         self._page = command.page
         self._claims = claims
         self._lab = _run_cache()
-        self._findings: list[Finding] = []
+        self._findings: list[ClaimFinding] = []
 
     def measure(self) -> None:
         """Judge the claims with a progress bar."""
@@ -250,7 +250,7 @@ def judge_in_processes(
     lab: RunCache,
     claims: Sequence[Claim],
     advance: Callable[[str], object],
-) -> Iterator[Finding]:
+) -> Iterator[ClaimFinding]:
     """Judge claims on all cores, in the order in which processes finish them."""
     from grosmc_mj.chapter.claims.judging import judge_claims
     from grosmc_mj.ground.executors import executor_for

@@ -21,8 +21,8 @@ from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.output.charts.chart import (
-    Axis,
     Chart,
+    ChartAxis,
     Curve,
     Layer,
     Marks,
@@ -451,8 +451,8 @@ def quantity_panel(
         layers.append(Curve(time, quantity.reference, REFERENCE, name="reference"))
     return Panel(
         layers,
-        Axis(low=0, high=case.duration),
-        Axis(quantity.label),
+        ChartAxis(low=0, high=case.duration),
+        ChartAxis(quantity.label),
         own_legend=bool(quantity.curves[0].name),
     )
 

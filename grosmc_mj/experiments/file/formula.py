@@ -72,7 +72,7 @@ _STRENGTHS = {"+": 1, "-": 1, "*": 2, "/": 2, "**": 4}
 _OF_SIGN = 3
 
 
-class _Part(NamedTuple):
+class _BoundedPart(NamedTuple):
     """A part of a formula.
 
     Attributes:
@@ -146,7 +146,7 @@ class _Builder:
         self._values = {**_CONSTANTS, **symbols}
         self._parts = 0
 
-    def part(self, node: Node, depth: int) -> _Part:
+    def part(self, node: Node, depth: int) -> _BoundedPart:
         """Return a node of the tree, with all below it, as a part."""
         self._parts += 1
         if self._parts > _MOST_PARTS or depth > _DEEPEST:
@@ -161,13 +161,13 @@ class _Builder:
             raise _NoFormulaError(f"has a number beyond {LARGEST:g}")
         return part
 
-    def _built(self, node: Node, depth: int) -> _Part:
+    def _built(self, node: Node, depth: int) -> _BoundedPart:
         """Return a node as a part without checking its size."""
         match node:
             case Node(kind="number"):
                 return _number(node)
             case Node(kind="name", text=name):
-                return _Part(self._values[name])
+                return _BoundedPart(self._values[name])
             case Node(kind="call", text=name, parts=(argument,)):
                 return _called(name, self.part(argument, depth))
             case Node(kind="prefix", text=sign, parts=(part,)):
@@ -178,7 +178,7 @@ class _Builder:
             case Node(kind="operator", text=sign, parts=(left, right)):
                 first = self.part(left, depth)
                 second = self.part(right, depth)
-                return _Part(
+                return _BoundedPart(
                     exact=_OPERATORS[sign](first.exact, second.exact),
                     power=max(first.power, second.power),
                     inside=max(first.inside, second.inside),
@@ -186,7 +186,7 @@ class _Builder:
         raise _NoFormulaError(f"gives {node.text} other than one argument")
 
 
-def _number(node: Node) -> _Part:
+def _number(node: Node) -> _BoundedPart:
     """Return a number in rad, m, s or rad/s; a whole one stays exact."""
     if node.unit:
         value = number_in(f"{node.text} {node.unit}", _UNITS[node.unit])
@@ -196,10 +196,10 @@ def _number(node: Node) -> _Part:
         value = float(node.text)
     if abs(float(value)) > LARGEST:
         raise _NoFormulaError(f"has a number beyond {LARGEST:g}")
-    return _Part(sp.sympify(value, strict=True))
+    return _BoundedPart(sp.sympify(value, strict=True))
 
 
-def _power(base: _Part, exponent: _Part) -> _Part:
+def _power(base: _BoundedPart, exponent: _BoundedPart) -> _BoundedPart:
     """Return a power, and refuse one in which an exact number could grow beyond all bounds."""
     power = max(base.power, exponent.power)
     inside = max(base.inside, exponent.inside)
@@ -212,7 +212,7 @@ def _power(base: _Part, exponent: _Part) -> _Part:
         power = max(power, base.power * abs(exponent.value))
         if power > _LARGEST_POWER:
             raise _NoFormulaError(f"has exponents of more than {_LARGEST_POWER:g} together")
-    return _Part(base.exact**exponent.exact, power, inside)
+    return _BoundedPart(base.exact**exponent.exact, power, inside)
 
 
 def _deeper(inside: int) -> int:
@@ -222,7 +222,7 @@ def _deeper(inside: int) -> int:
     return inside + 1
 
 
-def _refuse_large(exponent: _Part) -> None:
+def _refuse_large(exponent: _BoundedPart) -> None:
     """Refuse large numbers in an exponent: sympy might raise something to them."""
     for number in exponent.exact.atoms(sp.Rational, sp.Float):
         size = abs(number)
@@ -232,13 +232,13 @@ def _refuse_large(exponent: _Part) -> None:
             raise _NoFormulaError(f"has an exponent with a number beyond {_LARGEST_RATE:g}")
 
 
-def _called(name: str, argument: _Part) -> _Part:
+def _called(name: str, argument: _BoundedPart) -> _BoundedPart:
     """Return a function of one argument."""
     if name == STEP:
         return _step(argument)
     if argument.value is not None:
         # A floating-point number: sympy's exact value may take forever.
-        return _Part(sp.Float(getattr(math, name)(argument.value)))
+        return _BoundedPart(sp.Float(getattr(math, name)(argument.value)))
 
     inside = _deeper(argument.inside)
     power = argument.power
@@ -249,10 +249,10 @@ def _called(name: str, argument: _Part) -> _Part:
         if argument.exact.has(sp.log):
             # It would become a power, whose exponent nobody has checked.
             raise _NoFormulaError("has a log within exp: write a power")
-    return _Part(getattr(sp, name)(argument.exact), max(1.0, power), inside)
+    return _BoundedPart(getattr(sp, name)(argument.exact), max(1.0, power), inside)
 
 
-def _step(argument: _Part) -> _Part:
+def _step(argument: _BoundedPart) -> _BoundedPart:
     """Return 1 where an argument is at least 0, and 0 elsewhere.
 
     Not sympy's Heaviside: its value at 0 is a half, and its derivative an impulse. A comparison is
@@ -260,6 +260,6 @@ def _step(argument: _Part) -> _Part:
     """
     value = argument.value
     if value is not None:
-        return _Part(sp.Integer(value >= 0))
+        return _BoundedPart(sp.Integer(value >= 0))
     switched = sp.Piecewise((sp.Integer(1), argument.exact >= 0), (sp.Integer(0), True))
-    return _Part(switched, argument.power, _deeper(argument.inside))
+    return _BoundedPart(switched, argument.power, _deeper(argument.inside))

@@ -12,7 +12,7 @@ from grosmc_mj.experiments.file.content import Content, content_of_text, read_co
 from grosmc_mj.experiments.file.former_keys import written_today
 from grosmc_mj.experiments.file.schema import CaseFile, file_name
 from grosmc_mj.ground.errors import ArgumentError, MistakesError, together, unknown_name
-from grosmc_mj.ground.refusals import Place, line_of
+from grosmc_mj.ground.refusals import RefusedPlace, line_of
 
 
 def read_case_file(path: Path) -> CaseFile:
@@ -87,7 +87,7 @@ def _lines(refused: ValidationError) -> list[str]:
         elif mistake["type"] == "list_type" and isinstance(mistake["input"], dict):
             lines.append(f"[{key}] is one of possibly several: write [[{key}]]")
         else:
-            lines.append(line_of(mistake, Place(key, "key", keys, where)))
+            lines.append(line_of(mistake, RefusedPlace(key, "key", keys, where)))
     return lines
 
 

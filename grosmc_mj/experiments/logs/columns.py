@@ -26,7 +26,7 @@ _LARGEST = 1e20
 
 
 @dataclass(frozen=True, eq=False)
-class Column:
+class LogColumn:
     """Numbers of a log.
 
     Attributes:
@@ -55,7 +55,7 @@ class Column:
     @classmethod
     def headed(
         cls, header: str, values: Array, written: pa.ChunkedArray, file: Path | None
-    ) -> Column:
+    ) -> LogColumn:
         """Column of a table, with name and unit in its header."""
         name, unit = name_and_unit(header)
         return cls(header, values, name, unit, written=written, file=file)
@@ -169,7 +169,7 @@ def name_and_unit(header: str) -> tuple[str, str]:
     return text, ""
 
 
-def some(columns: Mapping[str, Column]) -> str:
+def some(columns: Mapping[str, LogColumn]) -> str:
     """The headers, the first ones of many."""
     listed = ", ".join(list(columns)[:_LISTED])
     if len(columns) > _LISTED:
@@ -177,7 +177,7 @@ def some(columns: Mapping[str, Column]) -> str:
     return listed
 
 
-def column_of(columns: Mapping[str, Column], header: str) -> Column:
+def column_of(columns: Mapping[str, LogColumn], header: str) -> LogColumn:
     """The column that the case file names.
 
     Raises:
@@ -187,7 +187,7 @@ def column_of(columns: Mapping[str, Column], header: str) -> Column:
     return columns[header]
 
 
-def called(columns: Mapping[str, Column], names: Sequence[str]) -> Column | None:
+def called(columns: Mapping[str, LogColumn], names: Sequence[str]) -> LogColumn | None:
     """The column that is called by the first of some names, or else by the next one.
 
     Raises:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from grosmc_mj.experiments.logs.columns import Column
+from grosmc_mj.experiments.logs.columns import LogColumn
 from grosmc_mj.experiments.logs.csv_file import csv_table
 from grosmc_mj.experiments.logs.limits import LARGEST_LOG, require_few_columns, too_large
 from grosmc_mj.experiments.logs.matlab_file import matlab_columns
@@ -26,7 +26,7 @@ _ROWS = 4096
 _BYTES_OF_A_NUMBER = 8
 
 
-def columns_of(path: Path) -> dict[str, Column]:
+def columns_of(path: Path) -> dict[str, LogColumn]:
     """The columns of numbers of a file, by their headers.
 
     Raises:
@@ -76,12 +76,12 @@ def _require_there(path: Path, allowed: str) -> None:
     require_regular(path, LARGEST_TABLE)
 
 
-def _csv(path: Path) -> dict[str, Column]:
+def _csv(path: Path) -> dict[str, LogColumn]:
     """The columns of a CSV file."""
     return _number_columns(csv_table(path), path)
 
 
-def _parquet(path: Path) -> dict[str, Column]:
+def _parquet(path: Path) -> dict[str, LogColumn]:
     """The columns of a Parquet file.
 
     Raises:
@@ -115,9 +115,9 @@ def _may_have_numbers(kind: pa.DataType) -> bool:
     return is_number or is_instant or is_text(kind)
 
 
-def _number_columns(table: pa.Table, file: Path | None = None) -> dict[str, Column]:
+def _number_columns(table: pa.Table, file: Path | None = None) -> dict[str, LogColumn]:
     """The columns of a table that have numbers; the file is that of a CSV table."""
-    columns: dict[str, Column] = {}
+    columns: dict[str, LogColumn] = {}
     for header, written in zip(table.column_names, table.columns, strict=True):
         name = header.strip()
         column = as_text(written)
@@ -126,11 +126,11 @@ def _number_columns(table: pa.Table, file: Path | None = None) -> dict[str, Colu
             continue
         if name in columns:
             raise ArgumentError(f"two columns are called {name!r}: rename or remove one")
-        columns[name] = Column.headed(name, values, column, file)
+        columns[name] = LogColumn.headed(name, values, column, file)
     return columns
 
 
-_READERS: dict[str, Callable[[Path], dict[str, Column]]] = {
+_READERS: dict[str, Callable[[Path], dict[str, LogColumn]]] = {
     ".csv": _csv,
     ".csv.gz": _csv,
     ".parquet": _parquet,

@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from grosmc_mj.experiments.logs.columns import Column
+from grosmc_mj.experiments.logs.columns import LogColumn
 from grosmc_mj.experiments.logs.limits import LARGEST_LOG, require_few_columns, too_large
 from grosmc_mj.ground.child_processes import call_in_child
 from grosmc_mj.ground.errors import ArgumentError
@@ -20,7 +20,7 @@ from grosmc_mj.ground.errors import ArgumentError
 _MEMORY = 4 * LARGEST_LOG
 
 
-def matlab_columns(path: Path) -> dict[str, Column]:
+def matlab_columns(path: Path) -> dict[str, LogColumn]:
     """The vectors of a MATLAB file, and those in its structures, such as ``out.signals.values``.
 
     A damaged file can make SciPy's reader write where it must not, which ends its process.
@@ -39,7 +39,7 @@ def matlab_columns(path: Path) -> dict[str, Column]:
     for name, values in vectors.items():
         written = pa.chunked_array([pa.array(values)])
         short = name.rpartition(".")[2]
-        columns[name] = Column(name, values.astype(float), short, written=written)
+        columns[name] = LogColumn(name, values.astype(float), short, written=written)
     return columns
 
 

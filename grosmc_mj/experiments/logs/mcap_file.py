@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from grosmc_mj.experiments.logs.columns import Column
+from grosmc_mj.experiments.logs.columns import LogColumn
 from grosmc_mj.experiments.logs.limits import LARGEST_LOG, require_few_columns, too_large
 from grosmc_mj.ground.errors import SetupError
 
@@ -99,7 +99,7 @@ class _Messages:
                 yield from self._numbers(f"{path}.{key}", part, names)
 
 
-def mcap_columns(path: Path) -> dict[str, Column]:
+def mcap_columns(path: Path) -> dict[str, LogColumn]:
     """The numbers of an MCAP file's messages, such as ``/joint_states.position[shaft]``.
 
     Entries of arrays go by the names in the message, if it has some, or else by their numbers.
@@ -122,7 +122,7 @@ def mcap_columns(path: Path) -> dict[str, Column]:
     return {**columns, **_numbered(columns, messages.named)}
 
 
-def _column(name: str, series: _Series, recorded_from: int, stamped_from: int) -> Column:
+def _column(name: str, series: _Series, recorded_from: int, stamped_from: int) -> LogColumn:
     """A column of a path, in the order in which its messages were recorded."""
     recorded = np.array(series.recorded)
     order = np.argsort(recorded, kind="stable")
@@ -136,7 +136,7 @@ def _column(name: str, series: _Series, recorded_from: int, stamped_from: int) -
             f"{len(series.channels)} channels of the file have it: record one of them, or give "
             "each a topic of its own"
         )
-    return Column(
+    return LogColumn(
         name,
         np.array(series.values)[order],
         name,
@@ -146,7 +146,9 @@ def _column(name: str, series: _Series, recorded_from: int, stamped_from: int) -
     )
 
 
-def _numbered(columns: Mapping[str, Column], named: Mapping[str, set[str]]) -> dict[str, Column]:
+def _numbered(
+    columns: Mapping[str, LogColumn], named: Mapping[str, set[str]]
+) -> dict[str, LogColumn]:
     """Columns by the numbers of named entries, which are refused where the names change."""
     numbered = {}
     for place, paths in named.items():

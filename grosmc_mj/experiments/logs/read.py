@@ -18,7 +18,7 @@ from grosmc_mj.experiments.logs.clean import (
     unwrapped,
     used_samples,
 )
-from grosmc_mj.experiments.logs.columns import Column, called, column_of, some
+from grosmc_mj.experiments.logs.columns import LogColumn, called, column_of, some
 from grosmc_mj.experiments.logs.files import columns_of
 from grosmc_mj.experiments.logs.log import Log
 from grosmc_mj.experiments.logs.table import ColumnTable, LogTable
@@ -76,7 +76,7 @@ def read_log(
 
 def _log_of(
     name: str,
-    columns: Mapping[str, Column],
+    columns: Mapping[str, LogColumn],
     system: System,
     table: LogTable,
     gears: Mapping[str, float],
@@ -134,7 +134,9 @@ def _log_of(
     return Log(name, time - time[0], u, outputs, pieces, notes), used
 
 
-def _take_clock(name: str, inputs: dict[str, Column], measured: dict[str, Column]) -> list[str]:
+def _take_clock(
+    name: str, inputs: dict[str, LogColumn], measured: dict[str, LogColumn]
+) -> list[str]:
     """Bring messages to one clock, and say which: the machine's if all of them have its stamps."""
     columns = [*inputs.values(), *measured.values()]
     if columns[0].stamps is None:
@@ -153,11 +155,11 @@ def _take_clock(name: str, inputs: dict[str, Column], measured: dict[str, Column
 
 
 def _inputs(
-    columns: Mapping[str, Column],
+    columns: Mapping[str, LogColumn],
     system: System,
     table: LogTable,
     gears: Mapping[str, float],
-) -> dict[str, Column]:
+) -> dict[str, LogColumn]:
     """The column of each input."""
     inputs = {}
     for signal in system.inputs:
@@ -171,7 +173,9 @@ def _inputs(
     return inputs
 
 
-def _measured(columns: Mapping[str, Column], system: System, table: LogTable) -> dict[str, Column]:
+def _measured(
+    columns: Mapping[str, LogColumn], system: System, table: LogTable
+) -> dict[str, LogColumn]:
     """The column of each state that is measured."""
     measured = {}
     for state in system.states:
@@ -188,8 +192,8 @@ def _measured(columns: Mapping[str, Column], system: System, table: LogTable) ->
 
 
 def _signal(
-    columns: Mapping[str, Column], signal: Signal, table: LogTable, gear: float | None
-) -> Column | None:
+    columns: Mapping[str, LogColumn], signal: Signal, table: LogTable, gear: float | None
+) -> LogColumn | None:
     """A signal in its own unit; None if the log does not have it."""
     named = table.columns.get(signal.name)
     if named is None:
@@ -233,7 +237,7 @@ def _delay(table: LogTable, signal: str) -> float:
     return table.columns[signal].delay
 
 
-def _held_later(column: Column, time: Array, delay: float) -> Array:
+def _held_later(column: LogColumn, time: Array, delay: float) -> Array:
     """The last value before each instant of an input whose column is late by a delay [s]."""
     values = column.held(time)
     if not delay:
@@ -248,7 +252,7 @@ def _is_inside(time: Array, delay: float) -> NDArray[np.bool_]:
     return (shown > time[0] - _INSTANT) & (shown < time[-1] + _INSTANT)
 
 
-def _time(columns: Mapping[str, Column], table: LogTable, samples: int) -> Array:
+def _time(columns: Mapping[str, LogColumn], table: LogTable, samples: int) -> Array:
     """The instants of the samples, from the first one on [s]."""
     column = column_of(columns, table.time) if table.time else called(columns, _TIME)
     if column is not None:
@@ -281,7 +285,7 @@ def _doubt_seconds(header: str, time: Array) -> None:
         )
 
 
-def _require_rising(column: Column, time: Array) -> None:
+def _require_rising(column: LogColumn, time: Array) -> None:
     """Refuse instants along a column that do not rise."""
     rises = np.diff(time) > 0
     if not np.all(rises):
@@ -289,14 +293,14 @@ def _require_rising(column: Column, time: Array) -> None:
         raise ArgumentError(f"the time does not rise in {place}: sort or cut the log there")
 
 
-def _require_in_order(column: Column) -> None:
+def _require_in_order(column: LogColumn) -> None:
     """Refuse messages whose stamps go back: what is held or between two of them is not clear."""
     if column.stamps is not None and np.any(np.diff(column.stamps) < 0):
         place = column.place(int(np.argmin(np.diff(column.stamps) >= 0)) + 1)
         raise ArgumentError(f"{column.header}: the time goes back in {place}: sort or cut the log")
 
 
-def _require_as_long(columns: Sequence[Column], time: Array) -> None:
+def _require_as_long(columns: Sequence[LogColumn], time: Array) -> None:
     """Refuse columns of another length than the time; messages may have one."""
     for column in columns:
         if column.stamps is None and len(column.values) != len(time):

@@ -16,7 +16,7 @@ has the logic, ``expressions`` the arithmetic with units, ``signals`` the signal
 from __future__ import annotations
 
 from grosmc_mj.experiments.requirements.actuators import InputBelow, SaturatedForLessThan
-from grosmc_mj.experiments.requirements.always import Always, Envelope
+from grosmc_mj.experiments.requirements.always import Always, SignalBetween
 from grosmc_mj.experiments.requirements.magnitudes import (
     CostRatioBelow,
     DeviationBelow,
@@ -47,6 +47,6 @@ KINDS: tuple[type[Requirement], ...] = (
     LastPeakBelow,
     RecoversWithin,
     SaturatedForLessThan,
-    Envelope,
+    SignalBetween,
     Always,
 )

@@ -13,7 +13,11 @@ from grosmc_mj.experiments.requirements.conditions import RecordedRun
 from grosmc_mj.experiments.requirements.requirement import Requirement, missing_signals
 from grosmc_mj.experiments.requirements.signals import SLIDING, named_units
 from grosmc_mj.experiments.requirements.temporal import samples_between
-from grosmc_mj.experiments.requirements.temporal_text import Specification, read_formula, signals_in
+from grosmc_mj.experiments.requirements.temporal_text import (
+    TemporalSpecification,
+    read_formula,
+    signals_in,
+)
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.ground.units import number_in
@@ -41,7 +45,7 @@ class Always(Requirement):
     options = ("after",)
     recorded = True
 
-    specification: Specification
+    specification: TemporalSpecification
     until: float = math.inf
 
     @classmethod
@@ -182,7 +186,7 @@ class Always(Requirement):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Envelope(Always):
+class SignalBetween(Always):
     """A signal is ``above`` one number and ``below`` another one, ``from`` one instant ``to`` one.
 
     It is the formula ``SIGNAL > ABOVE and SIGNAL < BELOW`` at these instants.

@@ -44,13 +44,13 @@ class Expression:
 
 
 @dataclass(frozen=True)
-class Number(Expression):
+class Constant(Expression):
     """A number in base units."""
 
     value: float
 
     @classmethod
-    def of(cls, value: float, unit: str = "") -> Number:
+    def of(cls, value: float, unit: str = "") -> Constant:
         """Return a number with a unit."""
         if value == 0 and not unit:
             return cls(None, 0.0)

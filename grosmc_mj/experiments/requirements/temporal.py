@@ -64,7 +64,7 @@ class Bounds:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Inequality:
     """``less`` is below ``more``; the margin is in parts of ``scale``."""
 
     less: Expression
@@ -80,7 +80,7 @@ class Comparison:
                 return abs(side.constant)
         return None
 
-    def comparisons(self) -> Iterator[Comparison]:
+    def comparisons(self) -> Iterator[Inequality]:
         """Yield itself."""
         yield self
 
@@ -88,7 +88,7 @@ class Comparison:
         """Yield nothing: it is about an instant."""
         yield from ()
 
-    def scaled(self) -> Comparison:
+    def scaled(self) -> Inequality:
         """Return the comparison with a margin in parts of its constant."""
         assert self.limit is not None
         return replace(self, scale=self.limit)
@@ -132,7 +132,7 @@ class Operation:
         last = self.end if math.isfinite(self.end) else self.begin
         return last + max(part.horizon for part in self.parts)
 
-    def comparisons(self) -> Iterator[Comparison]:
+    def comparisons(self) -> Iterator[Inequality]:
         """Yield all comparisons in it."""
         for part in self.parts:
             yield from part.comparisons()
@@ -187,7 +187,7 @@ class Operation:
         return _until(inner, others[0], first, last)
 
 
-Formula = Comparison | Operation
+Formula = Inequality | Operation
 
 
 def samples_between(begin: float, end: float, period: float, most: int) -> tuple[int, int]:

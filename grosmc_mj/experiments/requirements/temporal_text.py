@@ -10,14 +10,14 @@ import numpy as np
 from grosmc_mj.experiments.requirements.expressions import (
     FUNCTIONS,
     Applied,
+    Constant,
     Expression,
-    Number,
     SignalValue,
     applied,
     combined,
     common_unit,
 )
-from grosmc_mj.experiments.requirements.temporal import Comparison, Formula, Operation
+from grosmc_mj.experiments.requirements.temporal import Formula, Inequality, Operation
 from grosmc_mj.ground.errors import ArgumentError, value_text
 from grosmc_mj.ground.grammar import Grammar, Node
 from grosmc_mj.ground.units import Unit, unit_pattern
@@ -39,7 +39,7 @@ _OPERATORS = {
 _PREFIXES = {"always": 5, "eventually": 5, "not": 5, "-": 9}
 
 
-class Specification(NamedTuple):
+class TemporalSpecification(NamedTuple):
     """A formula that was read.
 
     Attributes:
@@ -56,7 +56,7 @@ class Specification(NamedTuple):
     signals: frozenset[str]
 
 
-def read_formula(text: str, units: Mapping[str, str]) -> Specification:
+def read_formula(text: str, units: Mapping[str, str]) -> TemporalSpecification:
     """Return the formula that a text describes.
 
     Args:
@@ -123,7 +123,7 @@ class _Meaning:
         """Return a tree that must be a quantity."""
         match node:
             case Node(kind="number"):
-                return Number.of(float(node.text), node.unit)
+                return Constant.of(float(node.text), node.unit)
             case Node(kind="name", text=name):
                 return SignalValue(Unit.of(self._units[name]), name)
             case Node(kind="prefix", text="-", parts=(part,)):
@@ -150,9 +150,9 @@ def _comparisons(quantities: list[Expression], signs: list[str]) -> Formula:
     left, right, *_ = quantities
     sign, *more = signs
     common_unit("compares", left, right)
-    formula = Comparison(left, right)
+    formula = Inequality(left, right)
     if ">" in sign:
-        formula = Comparison(right, left)
+        formula = Inequality(right, left)
     if not more:
         return formula
     return Operation("and", (formula, _comparisons(quantities[1:], more)))
@@ -161,13 +161,13 @@ def _comparisons(quantities: list[Expression], signs: list[str]) -> Formula:
 def _time(node: Node) -> float:
     """Return a time [s]."""
     if node.kind == "number":
-        number = Number.of(float(node.text), node.unit)
+        number = Constant.of(float(node.text), node.unit)
         if str(number.unit or "s") == "s":
             return number.value
     raise ArgumentError("has an interval that is none of times, such as [0 s, 50 ms]")
 
 
-def _with_scales(formula: Formula, units: Mapping[str, str]) -> Specification:
+def _with_scales(formula: Formula, units: Mapping[str, str]) -> TemporalSpecification:
     """Give margins one unit: that of all comparisons, or parts of their constants."""
     comparisons = list(formula.comparisons())
     signals: frozenset[str] = frozenset()
@@ -186,7 +186,7 @@ def _with_scales(formula: Formula, units: Mapping[str, str]) -> Specification:
                     "compares quantities of different units: then each must be compared with a "
                     "number other than 0, of which its margin is a part"
                 )
-        return Specification(formula.scaled(), "1", 1.0, signals)
+        return TemporalSpecification(formula.scaled(), "1", 1.0, signals)
 
     (unit,) = base_units
     written = str(unit)
@@ -195,4 +195,4 @@ def _with_scales(formula: Formula, units: Mapping[str, str]) -> Specification:
             written = name
             break
     limits = [item.limit for item in comparisons if item.limit is not None]
-    return Specification(formula, written, min(limits, default=1.0), signals)
+    return TemporalSpecification(formula, written, min(limits, default=1.0), signals)

@@ -6,14 +6,14 @@ from typing import Annotated
 from loky import cpu_count
 
 from grosmc_mj.ground.errors import ArgumentError, SetupError
-from grosmc_mj.ground.executors.pools import Batch, Executor, Finished, Notice, Processes, Work
+from grosmc_mj.ground.executors.pools import Executor, Finished, InProcess, Notice, Processes, Work
 from grosmc_mj.ground.fields import Known, Range, checked_call
 
 __all__ = [
     "EXECUTORS",
-    "Batch",
     "Executor",
     "Finished",
+    "InProcess",
     "Notice",
     "Processes",
     "Work",
@@ -27,7 +27,7 @@ EXECUTORS = ("batch", "processes", "dask")
 def executor_for(parts: int) -> Executor:
     """Return the executor for so many parts: this process for one, processes for several."""
     if parts == 1:
-        return Batch()
+        return InProcess()
     return Processes(cpu_count())
 
 
@@ -57,7 +57,7 @@ def make_executor(
     if name == "batch":
         if workers is not None:
             raise ArgumentError("executor 'batch' is one process on all cores: leave workers out")
-        return Batch()
+        return InProcess()
     if scheduler is not None and workers is not None:
         raise ArgumentError("a scheduler has workers of its own: leave workers out")
 

@@ -29,9 +29,9 @@ from grosmc_mj.ground.executors.pools import (
     ATTEMPTS,
     Finished,
     Notice,
-    Outcome,
     Pool,
     Work,
+    WorkOutcome,
     attempt,
     error_line,
     run_in,
@@ -131,7 +131,7 @@ def decisive_versions() -> dict[str, str]:
     return {"python": python, **versions(DECISIVE)}
 
 
-def _attempt(work: Work, index: int, needed: dict[str, str]) -> Outcome:
+def _attempt(work: Work, index: int, needed: dict[str, str]) -> WorkOutcome:
     """Run a part on a worker; refuse if the worker has other versions than this machine."""
     installed = decisive_versions()
     differences = [
@@ -144,7 +144,7 @@ def _attempt(work: Work, index: int, needed: dict[str, str]) -> Outcome:
             f"the Dask worker on {socket.gethostname()} has {', '.join(differences)}: its results "
             "would not be those of this machine, install the same versions there"
         )
-        return Outcome(error=SetupError, message=message)
+        return WorkOutcome(error=SetupError, message=message)
     return attempt(work, index)
 
 

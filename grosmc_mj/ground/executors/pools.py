@@ -34,7 +34,7 @@ Work = Callable[[int], Any]
 
 
 @dataclass(frozen=True)
-class Outcome:
+class WorkOutcome:
     """Report or error of a part.
 
     An error is kept as its type and its message: an exception may hold an object that cannot be
@@ -62,14 +62,14 @@ class Outcome:
         raise self.error.__new__(self.error, self.message)
 
 
-def attempt(work: Work, index: int) -> Outcome:
+def attempt(work: Work, index: int) -> WorkOutcome:
     """Run a part and return its report or its error; an interrupt is raised."""
     try:
-        return Outcome(work(index))
+        return WorkOutcome(work(index))
     except GrosmcError as error:
-        return Outcome(error=type(error), message=str(error))
+        return WorkOutcome(error=type(error), message=str(error))
     except Exception as error:
-        return Outcome(error=SetupError, message=unexpected(error, index))
+        return WorkOutcome(error=SetupError, message=unexpected(error, index))
 
 
 def unexpected(error: BaseException, index: int) -> str:
@@ -105,7 +105,7 @@ class Pool(NamedTuple):
     """Workers that wait for parts.
 
     Attributes:
-        submit: Function that submits a part to a worker; its future has an ``Outcome``.
+        submit: Function that submits a part to a worker; its future has an ``WorkOutcome``.
         ahead: Number of parts that are submitted at a time.
         require: Function that raises an error if the workers can no longer be reached.
     """
@@ -144,7 +144,7 @@ class Executor(Protocol):
 
 
 @dataclass(frozen=True)
-class Batch:
+class InProcess:
     """Executor of this process: one part after another, each on all cores."""
 
     @property

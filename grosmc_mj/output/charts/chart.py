@@ -82,7 +82,7 @@ class Span(Layer):
 
 
 @dataclass(frozen=True)
-class Level(Layer):
+class LevelLine(Layer):
     """Straight line at a value of an axis."""
 
     along: Literal["x", "y"]
@@ -170,7 +170,7 @@ class Outline(Layer):
 
 
 @dataclass(frozen=True)
-class Axis:
+class ChartAxis:
     """An axis.
 
     Attributes:
@@ -207,8 +207,8 @@ class Panel:
     """
 
     layers: Sequence[Layer]
-    x: Axis = Axis()
-    y: Axis = Axis()
+    x: ChartAxis = ChartAxis()
+    y: ChartAxis = ChartAxis()
     name: str = ""
     remark: str = ""
     framed: bool = False
@@ -278,9 +278,9 @@ def signal_layers(time: Array, values: Array, stroke: Stroke, name: str = "") ->
     ]
 
 
-def level_line(y: float, name: str = "") -> Level:
+def level_line(y: float, name: str = "") -> LevelLine:
     """Return the dashed line of a bound across a panel."""
-    return Level("y", y, Stroke(INK, 0.9, "dash"), name=name)
+    return LevelLine("y", y, Stroke(INK, 0.9, "dash"), name=name)
 
 
 # -- texts -----------------------------------------------------------------------------------------

@@ -20,13 +20,13 @@ from matplotlib.ticker import NullLocator
 
 from grosmc_mj.ground.files import atomic_write
 from grosmc_mj.output.charts.chart import (
-    Axis,
     Band,
     Cells,
     Chart,
+    ChartAxis,
     Curve,
     Layer,
-    Level,
+    LevelLine,
     Marks,
     Outline,
     Panel,
@@ -79,7 +79,7 @@ _DASHES: Mapping[Dash, Any] = {
     "longdashdot": (0, (8, 3, 1, 3)),
 }
 # Layers from the lowest to the highest kind.
-_ORDER: Sequence[type[Layer]] = (Cells, Tiles, Span, Band, Curve, Level, Outline, Marks)
+_ORDER: Sequence[type[Layer]] = (Cells, Tiles, Span, Band, Curve, LevelLine, Outline, Marks)
 # Colours of cells: kept, in some draws, and not kept.
 _CELL_COLOURS = LinearSegmentedColormap.from_list("kept", CELLS)
 
@@ -223,7 +223,7 @@ def _draw_panel(axes: Axes, panel: Panel, letters: int) -> dict[str, Artist]:
     return legend
 
 
-def _set_axis(axes: Axes, name: str, axis: Axis) -> None:
+def _set_axis(axes: Axes, name: str, axis: ChartAxis) -> None:
     """Set title, scale, ends and ticks of the axis ``x`` or ``y``."""
     if axis.title:
         axes.set(**{f"{name}label": axis.title})
@@ -260,7 +260,7 @@ def _draw_layer(axes: Axes, layer: Layer, order: float) -> dict[str, Artist]:
             draw = axes.axvspan if layer.along == "x" else axes.axhspan
             style = {"color": _ink(layer.colour), "alpha": layer.opacity, "lw": 0}
             return {layer.name: draw(layer.start, layer.stop, label=layer.name, **style)}
-        case Level():
+        case LevelLine():
             draw = axes.axvline if layer.along == "x" else axes.axhline
             style = _line(layer.stroke)
             return {layer.name: draw(layer.value, zorder=order, label=layer.name, **style)}

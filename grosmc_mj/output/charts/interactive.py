@@ -11,14 +11,14 @@ import numpy as np
 from plotly.offline import get_plotlyjs
 
 from grosmc_mj.output.charts.chart import (
-    Axis,
     Band,
     Cells,
     Chart,
+    ChartAxis,
     Curve,
     Layer,
     LegendEntry,
-    Level,
+    LevelLine,
     Marks,
     Outline,
     Panel,
@@ -130,7 +130,7 @@ def _layer_entries(layer: Layer) -> Iterator[LegendEntry]:
         case Curve(name=name) if name:
             sign = "line" if layer.stroke.dash == "solid" else layer.stroke.dash
             yield LegendEntry(name, layer.stroke.colour, layer.symbol or sign)
-        case Level(name=name) if name:
+        case LevelLine(name=name) if name:
             yield LegendEntry(name, layer.stroke.colour, layer.stroke.dash)
         case Band(name=name, colour=colour) | Span(name=name, colour=colour) if name:
             yield LegendEntry(name, colour, "area")
@@ -207,7 +207,7 @@ class _DrawnPanel:
                     "line": {"width": 0},
                     "layer": "below",
                 }
-            elif isinstance(layer, Level):
+            elif isinstance(layer, LevelLine):
                 line = _line(layer.stroke)
                 yield {
                     "type": "line",
@@ -288,7 +288,7 @@ class _DrawnPanel:
             }
 
 
-def _axis(axis: Axis) -> Item:
+def _axis(axis: ChartAxis) -> Item:
     """Return an axis with its title."""
     item: Item = {
         "title": {"text": plain_text(axis.title), "standoff": 6},
@@ -308,7 +308,7 @@ def _axis(axis: Axis) -> Item:
     return item
 
 
-def _placed(axis: Axis, values: Iterable[float]) -> list[float]:
+def _placed(axis: ChartAxis, values: Iterable[float]) -> list[float]:
     """Return the places of values on an axis; Plotly has no scale that is linear about zero."""
     if axis.scale != "symlog":
         return [float(value) for value in values]
@@ -316,7 +316,7 @@ def _placed(axis: Axis, values: Iterable[float]) -> list[float]:
     return places.tolist()
 
 
-def _symlog_ticks(axis: Axis) -> list[float]:
+def _symlog_ticks(axis: ChartAxis) -> list[float]:
     """Return powers of ten to both sides of zero."""
     powers = [axis.linear * 10.0**power for power in range(1, 13, 2)]
     return [*(-power for power in reversed(powers)), 0.0, *powers]

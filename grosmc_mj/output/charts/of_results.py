@@ -11,12 +11,12 @@ import numpy as np
 
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.output.charts.chart import (
-    Axis,
     Cells,
     Chart,
+    ChartAxis,
     Curve,
     Layer,
-    Level,
+    LevelLine,
     Marks,
     Outline,
     Panel,
@@ -165,30 +165,30 @@ def _lines_panel(chart: LineChart, styles: Mapping[str, _SeriesStyle]) -> Panel:
     for mark in chart.marks:
         # A logarithmic axis has no place for zero.
         if x_axis.scale != "log" or mark > 0:
-            layers.append(Level("x", mark, dashed))
+            layers.append(LevelLine("x", mark, dashed))
     values = [y for series in chart.lines for y in series.y if y is not None]
     if chart.limit is not None:
         layers.append(level_line(chart.limit))
         values.append(chart.limit)
 
     far = _spans_decades(values) and not chart.equal
-    y_axis = Axis(chart.titles[1], "log" if far else "linear")
+    y_axis = ChartAxis(chart.titles[1], "log" if far else "linear")
     return Panel(layers, x_axis, y_axis, name=chart.name, equal=chart.equal)
 
 
-def _x_axis(chart: LineChart) -> Axis:
+def _x_axis(chart: LineChart) -> ChartAxis:
     """Return the first axis: words in their order, or numbers."""
     title = chart.titles[0]
     values = {x: None for series in chart.lines for x in series.x}
     if any(isinstance(x, str) for x in values):
-        return Axis(title, ticks={float(i): str(word) for i, word in enumerate(values)})
+        return ChartAxis(title, ticks={float(i): str(word) for i, word in enumerate(values)})
 
     numbers = [float(x) for x in values]
     if chart.equal or not _spans_decades(numbers):
-        return Axis(title)
+        return ChartAxis(title)
     if len(numbers) > _MOST_TICKS:
-        return Axis(title, "log")
-    return Axis(title, "log", ticks={x: f"{x:g}" for x in sorted(numbers)})
+        return ChartAxis(title, "log")
+    return ChartAxis(title, "log", ticks={x: f"{x:g}" for x in sorted(numbers)})
 
 
 def _spans_decades(numbers: Collection[float]) -> bool:
@@ -198,7 +198,7 @@ def _spans_decades(numbers: Collection[float]) -> bool:
     return min(numbers) > 0 and max(numbers) > _FAR * min(numbers)
 
 
-def _series_layers(series: Series, style: _SeriesStyle, x_axis: Axis) -> list[Layer]:
+def _series_layers(series: Series, style: _SeriesStyle, x_axis: ChartAxis) -> list[Layer]:
     """Return a curve, with hollow symbols where its requirement fails."""
     place_of = {word: place for place, word in x_axis.ticks.items()}
     x = [place_of[value] if isinstance(value, str) else value for value in series.x]
@@ -239,7 +239,7 @@ def _map_panel(chart: GridChart, top: GridChart | None) -> Panel:
     layers: list[Layer] = [Tiles(x, y, np.array(numbers, float), colours)]
     if top is not None:
         layers += _outlines(top, x, y)
-    return Panel(layers, Axis(x_title), Axis(y_title), name=chart.name)
+    return Panel(layers, ChartAxis(x_title), ChartAxis(y_title), name=chart.name)
 
 
 def _outlines(top: GridChart, x: Array, y: Array) -> list[Layer]:

@@ -31,7 +31,7 @@ CLOCK = 0.3
 Box = tuple[slice, slice]
 
 
-class Chart(NamedTuple):
+class FilmPlots(NamedTuple):
     """Two pictures of a whole frame: curves grow by taking more and more columns of the second.
 
     Attributes:
@@ -108,7 +108,7 @@ class Storyboard:
     """
 
     stage: Stage | None
-    chart: Chart
+    chart: FilmPlots
     times: Array
     speed: float
     fonts: Path

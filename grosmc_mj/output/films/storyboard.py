@@ -22,7 +22,15 @@ from grosmc_mj.ground.arrays import Array
 from grosmc_mj.output.charts.envelope import jumps
 from grosmc_mj.output.charts.figure import DEFAULTS
 from grosmc_mj.output.films.film import Film, Take
-from grosmc_mj.output.films.frames import CLOCK, OVERSAMPLING, Box, Chart, Scene, Stage, Storyboard
+from grosmc_mj.output.films.frames import (
+    CLOCK,
+    OVERSAMPLING,
+    Box,
+    FilmPlots,
+    Scene,
+    Stage,
+    Storyboard,
+)
 from grosmc_mj.output.films.scene import place, surroundings_of
 from grosmc_mj.output.palette import DISTURBANCE, GRID, OPTIMUM
 from grosmc_mj.theory.plants.system import Signal
@@ -58,7 +66,7 @@ _TINTS = {"dark": 1.0, "pale": 0.5}
 _GHOST: dict[str, Any] = {"lw": 1.1, "ls": (0, (3, 2)), "zorder": 3}
 
 
-class Curve(NamedTuple):
+class PlotCurve(NamedTuple):
     """A curve of a plot.
 
     Attributes:
@@ -76,7 +84,7 @@ class Plot(NamedTuple):
     """A plot: its title with a unit, and its curves."""
 
     title: str
-    curves: list[Curve]
+    curves: list[PlotCurve]
 
 
 def storyboard(film: Film) -> Storyboard:
@@ -154,7 +162,7 @@ def _scene(film: Film, model: mujoco.MjModel, take: Take) -> Scene:
     return Scene(physics, ghost, wrench)
 
 
-def draw_chart(film: Film) -> Chart:
+def draw_chart(film: Film) -> FilmPlots:
     """Draw title, labels and plots of a film."""
     width = film.format.width
     height = film.format.height
@@ -181,7 +189,7 @@ def draw_chart(film: Film) -> Chart:
         rows = slice(round(height - extent.y1), round(height - extent.y0))
         areas.append((rows, slice(round(extent.x0), round(extent.x1))))
     times = film.format.start, film.stop
-    return Chart(empty, drawn, tuple(areas), pictures, times, font)
+    return FilmPlots(empty, drawn, tuple(areas), pictures, times, font)
 
 
 def _picture_boxes(film: Film) -> tuple[Box, ...]:
@@ -305,7 +313,7 @@ def outputs(film: Film) -> Plot:
             # A reference is that of all laws, an optimum that of one.
             colour = OPTIMUM if film.one_ghost else take.colour
             style = {**_GHOST, "color": colour}
-            ghosts += [Curve(take.run.time, ghost, style) for ghost in take.ghost.T]
+            ghosts += [PlotCurve(take.run.time, ghost, style) for ghost in take.ghost.T]
     if not ghosts:
         return plot
     return Plot(f"{plot.title}  (dashed: {film.ghost_symbol})", plot.curves + ghosts)
@@ -363,7 +371,7 @@ def _plot(
     for take, rows in zip(film.takes, values, strict=True):
         for column, strength in zip(rows.T, _TINTS.values(), strict=False):
             colour = tuple(1 - strength * (1 - part) for part in to_rgb(take.colour))
-            curves.append(Curve(take.run.time[: len(column)], column, {"color": colour}))
+            curves.append(PlotCurve(take.run.time[: len(column)], column, {"color": colour}))
     return Plot(f"{title} [{unit}]", curves)
 
 

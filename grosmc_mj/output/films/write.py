@@ -38,7 +38,7 @@ _GIF = [
 ]
 
 
-class Written(NamedTuple):
+class WrittenFilm(NamedTuple):
     """The files of a film.
 
     Attributes:
@@ -70,7 +70,7 @@ def write_film(
     pool: pydantic.InstanceOf[RenderingPool] | None = None,
     gif: bool = False,
     advance: Callable[[], object] = lambda: None,
-) -> Written:
+) -> WrittenFilm:
     """Render a film and write it; every file is written aside and renamed when it is whole.
 
     Args:
@@ -104,7 +104,7 @@ def _write(
     pool: RenderingPool,
     gif: bool,
     advance: Callable[[], object],
-) -> Written:
+) -> WrittenFilm:
     """Draw a film with a pool and write its files."""
     program = find_ffmpeg()
     board = storyboard(film)
@@ -130,7 +130,7 @@ def _write(
             mediapy.write_image(poster_part, still, optimize=True)
         except OSError as error:
             raise cannot_write(poster, error) from error
-    return Written(path, poster, small, len(board.times), pool.backend, program, board)
+    return WrittenFilm(path, poster, small, len(board.times), pool.backend, program, board)
 
 
 def _write_frames(

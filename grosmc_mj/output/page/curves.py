@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from grosmc_mj.output.charts.chart import (
-    Axis,
     Band,
     Chart,
+    ChartAxis,
     Curve,
     Layer,
     LegendEntry,
@@ -58,12 +58,12 @@ def curves_chart(
     windows = [
         Span("x", window.start, window.stop, DISTURBANCE, 0.1) for window in curves.disturbances
     ]
-    time = Axis("time t [s]", low=0.0, high=curves.duration)
+    time = ChartAxis("time t [s]", low=0.0, high=curves.duration)
     rows = []
     for panel in shown:
         low, high = panel.limits
         layers = [*windows, *panel.layers(colours)]
-        rows.append([Panel(layers, time, Axis(panel.panel.label, low=low, high=high))])
+        rows.append([Panel(layers, time, ChartAxis(panel.panel.label, low=low, high=high))])
     return Chart(rows, shared="x", entries=[*_law_entries(colours), *signs])
 
 

@@ -12,7 +12,7 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import Field, ValidationError
 
 from grosmc_mj.ground.errors import ArgumentError, one_line
-from grosmc_mj.ground.refusals import Place, line_of
+from grosmc_mj.ground.refusals import RefusedPlace, line_of
 from grosmc_mj.output.results.result import Part, Provenance, Result, Text
 
 # Largest size of a document, and of all documents of a page [byte].
@@ -22,20 +22,20 @@ _LARGEST_PAGE = 200 * 2**20
 _LONGEST_REASON = 160
 
 
-class Line(Part):
+class RecordedLine(Part):
     """Values y over time t [s]."""
 
     t: list[float]
     y: list[float]
 
 
-class LimitLine(Line):
+class LimitLine(RecordedLine):
     """Limit of a requirement over time."""
 
     words: Text
 
 
-class RecordedCurve(Line):
+class RecordedCurve(RecordedLine):
     """Curve of a run; if it jumps at every sample, y is its mean and ``range`` its range."""
 
     law: Text
@@ -49,12 +49,12 @@ class CurvePanel(Part):
 
     label: Text
     curves: list[RecordedCurve]
-    reference: Line | None = None
+    reference: RecordedLine | None = None
     limits: Sequence[LimitLine] = ()
     play: float = 0.0
 
 
-class Window(Part):
+class DisturbanceWindow(Part):
     """Time window of a disturbance [s]."""
 
     start: float
@@ -62,7 +62,7 @@ class Window(Part):
     label: Text = ""
 
 
-class LawStyle(Part):
+class LawColour(Part):
     """Colour of a law in charts."""
 
     colour: Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$")]
@@ -75,8 +75,8 @@ class Curves(Provenance):
     case: Text
     title: Text = ""
     duration: float
-    disturbances: Sequence[Window] = ()
-    laws: dict[str, LawStyle] = Field(default={})
+    disturbances: Sequence[DisturbanceWindow] = ()
+    laws: dict[str, LawColour] = Field(default={})
     panels: list[CurvePanel]
 
 
@@ -101,7 +101,7 @@ class FilmConfiguration(Part):
     film: FilmClock = FilmClock()
 
 
-class Film(Provenance):
+class FilmDocument(Provenance):
     """Document beside a film."""
 
     configuration: FilmConfiguration = FilmConfiguration()
@@ -120,7 +120,7 @@ class Document(NamedTuple):
     """
 
     path: Path
-    content: Result | Curves | Film
+    content: Result | Curves | FilmDocument
     sha256: str
     modified: float
 
@@ -131,7 +131,7 @@ class Document(NamedTuple):
 
 
 # Classes of the documents that are no results.
-_MODELS: Mapping[str, type[Curves | Film]] = {"curves": Curves, "film": Film}
+_MODELS: Mapping[str, type[Curves | FilmDocument]] = {"curves": Curves, "film": FilmDocument}
 
 
 class Results(NamedTuple):
@@ -225,7 +225,7 @@ def _reason(error: Exception) -> str:
     """Write in short why a document cannot be read."""
     if isinstance(error, ValidationError):
         mistake: Any = error.errors(include_url=False)[0]
-        place = Place(".".join(map(str, mistake["loc"])), "key", ())
+        place = RefusedPlace(".".join(map(str, mistake["loc"])), "key", ())
         reason = line_of(mistake, place)
     elif isinstance(error, UnicodeDecodeError | json.JSONDecodeError):
         reason = "is no whole JSON"

@@ -21,7 +21,7 @@ from grosmc_mj.output.charts.chart import Chart
 from grosmc_mj.output.charts.interactive import PageFigure, page_figure, plotly_script
 from grosmc_mj.output.charts.of_results import chart_of
 from grosmc_mj.output.page.curves import curves_chart
-from grosmc_mj.output.page.reading import Curves, Document, Film, FilmClock, Results
+from grosmc_mj.output.page.reading import Curves, Document, FilmClock, FilmDocument, Results
 from grosmc_mj.output.page.verdicts import (
     MARKS,
     Story,
@@ -210,10 +210,10 @@ def _films(
 
     A film that is left out adds a line to ``notices``.
     """
-    newest: dict[tuple[str, str], tuple[Path, Film]] = {}
+    newest: dict[tuple[str, str], tuple[Path, FilmDocument]] = {}
     for document in documents:
         film = document.content
-        if not isinstance(film, Film):
+        if not isinstance(film, FilmDocument):
             continue
         case = (film.configuration.case.system, film.configuration.case.case)
         if case in cases:

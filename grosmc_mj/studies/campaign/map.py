@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.output.charts.chart import Axis, Chart, Layer, Marks, Panel, Symbol
+from grosmc_mj.output.charts.chart import Chart, ChartAxis, Layer, Marks, Panel, Symbol
 from grosmc_mj.output.charts.figure import write_chart
 from grosmc_mj.output.charts.of_results import panels_chart
 from grosmc_mj.output.palette import BLACK, SKY, VERMILION, law_styles
@@ -154,8 +154,8 @@ def pass_map_chart(shown: PassMap, title: str, footnote: str) -> Chart:
         panels.append(
             Panel(
                 _plants(x, y, margins),
-                Axis(across),
-                Axis(up if not panels else ""),
+                ChartAxis(across),
+                ChartAxis(up if not panels else ""),
                 name=f"{styles[law].label}: {kept} of {len(margins)} kept",
             )
         )

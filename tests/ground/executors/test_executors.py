@@ -24,7 +24,7 @@ from loky import cpu_count
 
 from grosmc_mj.ground.errors import ArgumentError, DivergenceError, SetupError
 from grosmc_mj.ground.executors import Executor, Finished, make_executor
-from grosmc_mj.ground.executors.pools import Outcome, _run_until_broken, attempt
+from grosmc_mj.ground.executors.pools import WorkOutcome, _run_until_broken, attempt
 
 # A child that has not begun or ended by then never will [s].
 SOON = 30.0
@@ -142,7 +142,7 @@ def test_no_more_parts_are_under_way_than_a_pool_has_room_for() -> None:
         future = Future()
         # Part 1 never ends.
         if index != 1:
-            future.set_result(Outcome(index))
+            future.set_result(WorkOutcome(index))
         return future
 
     pool: Any = SimpleNamespace(ahead=2, submit=submit, require=lambda: None)

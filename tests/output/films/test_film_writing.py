@@ -39,7 +39,7 @@ from grosmc_mj.output.films.frames import Stage, Storyboard
 from grosmc_mj.output.films.offscreen import find_backend, find_ffmpeg, probe
 from grosmc_mj.output.films.pool import RenderingPool
 from grosmc_mj.output.films.storyboard import storyboard
-from grosmc_mj.output.films.write import Written, write_film
+from grosmc_mj.output.films.write import WrittenFilm, write_film
 
 pytestmark = [pytest.mark.render, pytest.mark.slow]
 
@@ -97,12 +97,12 @@ def pair() -> Film:
 
 
 @pytest.fixture(scope="module")
-def written(pair: Film, backend: str, tmp_path_factory: pytest.TempPathFactory) -> Written:
+def written(pair: Film, backend: str, tmp_path_factory: pytest.TempPathFactory) -> WrittenFilm:
     path = tmp_path_factory.mktemp("written") / "new" / "pair.mp4"
     return write_film(pair, path, backend=backend, workers=2, gif=True)
 
 
-def test_the_film_is_one_that_every_browser_plays(written: Written) -> None:
+def test_the_film_is_one_that_every_browser_plays(written: WrittenFilm) -> None:
     command = ["ffprobe", "-v", "error", "-count_frames", "-show_streams", "-of", "json"]
     done = subprocess.run([*command, written.film], capture_output=True, text=True, check=True)
     (stream,) = json.loads(done.stdout)["streams"]
@@ -122,17 +122,17 @@ def test_the_film_is_one_that_every_browser_plays(written: Written) -> None:
     assert expected.items() <= stream.items()
 
 
-def test_the_film_can_begin_before_all_of_it_is_there(written: Written) -> None:
+def test_the_film_can_begin_before_all_of_it_is_there(written: WrittenFilm) -> None:
     content = written.film.read_bytes()
     assert 0 < content.find(b"moov") < content.find(b"mdat")
 
 
-def test_a_film_is_written_as_three_files(written: Written) -> None:
+def test_a_film_is_written_as_three_files(written: WrittenFilm) -> None:
     names = {path.name for path in written.film.parent.iterdir()}
     assert names == {"pair.mp4", "pair.png", "pair.gif"}
 
 
-def test_the_gif_moves_as_long_as_the_film(written: Written) -> None:
+def test_the_gif_moves_as_long_as_the_film(written: WrittenFilm) -> None:
     assert written.gif is not None
     pictures = []
     milliseconds = 0
@@ -153,7 +153,7 @@ def frames_of_pair(pair: Film, backend: str) -> list[np.ndarray]:
 
 
 def test_decoded_frames_are_the_drawn_ones(
-    written: Written, frames_of_pair: list[np.ndarray]
+    written: WrittenFilm, frames_of_pair: list[np.ndarray]
 ) -> None:
     decoded = np.asarray(mediapy.read_video(written.film)).astype(int)
     for decoded_frame, frame in zip(decoded, frames_of_pair, strict=True):
@@ -162,21 +162,21 @@ def test_decoded_frames_are_the_drawn_ones(
         assert frame.std() > 20
 
 
-def test_decoded_frames_move(written: Written) -> None:
+def test_decoded_frames_move(written: WrittenFilm) -> None:
     decoded = np.asarray(mediapy.read_video(written.film)).astype(int)
     for before, after in itertools.pairwise(decoded):
         assert np.abs(before - after).mean() > 0.1
 
 
 def test_the_poster_is_the_frame_in_the_middle(
-    written: Written, frames_of_pair: list[np.ndarray]
+    written: WrittenFilm, frames_of_pair: list[np.ndarray]
 ) -> None:
     with Image.open(written.poster) as poster:
         np.testing.assert_array_equal(np.asarray(poster), frames_of_pair[2])
 
 
 def test_a_film_does_not_depend_on_its_workers(
-    written: Written, pair: Film, backend: str, tmp_path: Path
+    written: WrittenFilm, pair: Film, backend: str, tmp_path: Path
 ) -> None:
     again = write_film(pair, tmp_path / "again.mp4", backend=backend, workers=1)
     assert again.film.read_bytes() == written.film.read_bytes()

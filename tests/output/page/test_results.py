@@ -17,7 +17,7 @@ from rich.console import Console
 from grosmc_mj.chapter.claims.formulas import in_text
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import SetupError
-from grosmc_mj.output.charts.chart import Axis, Chart, Curve, Layer, Panel
+from grosmc_mj.output.charts.chart import Chart, ChartAxis, Curve, Layer, Panel
 from grosmc_mj.output.charts.envelope import jumps
 from grosmc_mj.output.charts.figure import drawn, write_chart
 from grosmc_mj.output.charts.interactive import page_figure
@@ -333,7 +333,7 @@ def test_a_law_has_one_colour_in_all_panels() -> None:
 
 def test_an_axis_that_is_linear_about_zero_has_powers_of_ten_on_the_page() -> None:
     layers: list[Layer] = [Curve([0.0, 1.0], [-1e-3, 1.0], Stroke(INK))]
-    panel = Panel(layers, y=Axis("y", "symlog", linear=1e-3))
+    panel = Panel(layers, y=ChartAxis("y", "symlog", linear=1e-3))
     figure = page_figure(Chart([[panel]]))
     low, high = figure.data[0]["y"]
     # It is asinh of the value over the linear part.

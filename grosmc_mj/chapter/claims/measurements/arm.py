@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from grosmc_mj.chapter.claims.claim import Measured, NoValueError
+from grosmc_mj.chapter.claims.claim import ClaimValue, NoValueError
 from grosmc_mj.chapter.claims.measurements.measures import (
     Size,
     equation_error,
@@ -38,7 +38,7 @@ def tracking(
     *,
     statistic: str,
     arrived: float,
-) -> Measured:
+) -> ClaimValue:
     """Measure peak or RMS of e1 in case 1, in percent of the reference's amplitude.
 
     It counts from where the nominal optimum's error is below ``arrived`` percent for good.
@@ -71,7 +71,7 @@ def settling_ratio(
     *,
     band: float,
     percent_of: Size,
-) -> Measured:
+) -> ClaimValue:
     """Measure when |e1| enters a band [%] for good, over when the optimum does."""
     result = lab.case(_SYSTEM, "case1", plant, "grosmc")
     comparison = result.comparison
@@ -86,7 +86,7 @@ def settling_ratio(
     return from_run(result, settled / optimum_settled, note)
 
 
-def worst_of_family(lab: RunCache, plant: PlantName, *, heaviest: float) -> Measured:
+def worst_of_family(lab: RunCache, plant: PlantName, *, heaviest: float) -> ClaimValue:
     """Measure the worst max |e1 - e1*| over payloads and links, in percent of the start.
 
     Payloads go up to ``heaviest`` times the nominal one.
@@ -103,7 +103,7 @@ def worst_of_family(lab: RunCache, plant: PlantName, *, heaviest: float) -> Meas
     return worst_deviation(lab, plant, cases)
 
 
-def unbalanced_torque(lab: RunCache, plant: PlantName) -> Measured:
+def unbalanced_torque(lab: RunCache, plant: PlantName) -> ClaimValue:
     """Measure the power that the equation invents, relative to its largest term.
 
     C q' is held against M'(q) q'^2 / 2.
@@ -124,7 +124,7 @@ def _balance(
     return 0.1 + 0.06 * math.sin(q), (torque, -gravity, -coriolis)
 
 
-def epsilon_margin(lab: RunCache, _: PlantName) -> Measured:
+def epsilon_margin(lab: RunCache, _: PlantName) -> ClaimValue:
     """Measure epsilon over the rate that d(t) requires along the run.
 
     Raises:
@@ -135,13 +135,13 @@ def epsilon_margin(lab: RunCache, _: PlantName) -> Measured:
         raise NoValueError("nothing pushes s away here")
     margin = float((configured / np.maximum(required, 1e-12)).min())
     if margin >= 1:
-        return Measured(margin, "ε is enough")
+        return ClaimValue(margin, "ε is enough")
 
     # A run that needs more has left its surface; one that has enough stays on it.
     enlarged = lab.varied("laws.grosmc.epsilon", float(required.max()))
     required_on_surface, _configured = _rates(enlarged)
     enough = float(required_on_surface.max())
-    return Measured(margin, f"ε = {enough:.3g} rad/s² along a run that stays on its surface")
+    return ClaimValue(margin, f"ε = {enough:.3g} rad/s² along a run that stays on its surface")
 
 
 def _rates(lab: RunCache) -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from grosmc_mj.chapter.claims.claim import Measured, NoValueError
+from grosmc_mj.chapter.claims.claim import ClaimValue, NoValueError
 from grosmc_mj.chapter.claims.measurements.measures import from_optimum, from_run, within
 from grosmc_mj.chapter.claims.measurements.theory import perturbed
 from grosmc_mj.experiments.catalogue import find_experiment
@@ -125,7 +125,7 @@ def distance_from_hold(
     *,
     case: str,
     controller: str,
-) -> Measured:
+) -> ClaimValue:
     """Measure the worse of cart and angle at the end of a case, in units of their bands."""
     result = lab.run(holding_case(case), plant, controller)
     rail = rail_half_length(MujocoPlant.load(SYSTEM))
@@ -144,10 +144,10 @@ def distance_from_hold(
     if travel > rail:
         distance = travel
     band = SETTLING_BAND * abs(result.case.x0[1])
-    return Measured(float(max(distance / CART_BAND, angle / band)), note)
+    return ClaimValue(float(max(distance / CART_BAND, angle / band)), note)
 
 
-def deviation(lab: RunCache, plant: PlantName, *, uncertainty: str) -> Measured:
+def deviation(lab: RunCache, plant: PlantName, *, uncertainty: str) -> ClaimValue:
     """Measure max |θ - θ*| of cart-ism under one uncertainty, in percent of the start."""
     edit = UNCERTAINTIES[uncertainty]
     pole = perturbed(SYSTEM, "pole", _SHORT, edit.mass_scale, edit.length_scale)
@@ -173,7 +173,7 @@ def _unmatched_model(lab: RunCache, plant: PlantName) -> tuple[LqrDesign, Model]
     return optimum, model
 
 
-def amplification_by_pseudoinverse(lab: RunCache, plant: PlantName) -> Measured:
+def amplification_by_pseudoinverse(lab: RunCache, plant: PlantName) -> ClaimValue:
     """Measure by how much B+ enlarges the unmatched uncertainty, in percent of it."""
     optimum, model = _unmatched_model(lab, plant)
     factors = {}
@@ -183,10 +183,10 @@ def amplification_by_pseudoinverse(lab: RunCache, plant: PlantName) -> Measured:
             factors[name] = factor
 
     words = ", ".join(f"{name} {factor:.3f}" for name, factor in factors.items())
-    return Measured(100 * (factors["B+"] - 1), f"amplification: {words}")
+    return ClaimValue(100 * (factors["B+"] - 1), f"amplification: {words}")
 
 
-def slowest_pole_loss(lab: RunCache, plant: PlantName) -> Measured:
+def slowest_pole_loss(lab: RunCache, plant: PlantName) -> ClaimValue:
     """Measure how far the sliding dynamics' pole lies right of LQR's [1/s].
 
     The weights are the stiff ones.
@@ -202,10 +202,10 @@ def slowest_pole_loss(lab: RunCache, plant: PlantName) -> Measured:
         f"poles at {sliding:.3g} and, LQR alone, {alone:.3g} 1/s; with the declared weights "
         f"{declared_sliding:.3g} and {declared_alone:.3g} 1/s"
     )
-    return Measured(sliding - alone, note)
+    return ClaimValue(sliding - alone, note)
 
 
-def deviation_over_least(lab: RunCache, plant: PlantName) -> Measured:
+def deviation_over_least(lab: RunCache, plant: PlantName) -> ClaimValue:
     """Measure the deviation with G = B+ over the least with another G, in case 1."""
     case = holding_case("case1").changed(duration=_SHORT)
     realization = case.changed(**lab.settings.changes()).realization
@@ -221,4 +221,4 @@ def deviation_over_least(lab: RunCache, plant: PlantName) -> Measured:
     for result in results.values():
         if result.status is not Status.COMPLETED:
             return from_run(result, ratio)
-    return Measured(ratio, words)
+    return ClaimValue(ratio, words)

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from grosmc_mj.chapter.claims.claim import Measured
+from grosmc_mj.chapter.claims.claim import ClaimValue
 from grosmc_mj.chapter.claims.measurements.measures import equation_error, from_optimum, from_run
 from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.experiments.plants import PlantName
@@ -31,14 +31,14 @@ def from_two_seconds(
     *,
     controller: str,
     band: float,
-) -> Measured:
+) -> ClaimValue:
     """Measure the difference of settling to a band [%] from 2 s, in percent."""
     result = lab.case(_SYSTEM, "nominal", plant, controller)
     theta = result.comparison.z[:, 0]
     settled = result.settled(result.comparison.z, band / 100 * abs(float(theta[0])))
     if settled is None:
         return from_run(result, None, f"{controller} does not settle")
-    return Measured(50 * abs(settled - 2.0), f"at {settled:.3g} s")
+    return ClaimValue(50 * abs(settled - 2.0), f"at {settled:.3g} s")
 
 
 def largest_start(
@@ -48,7 +48,7 @@ def largest_start(
     controller: str,
     perturbed: bool = False,
     within_percent: float = math.inf,
-) -> Measured:
+) -> ClaimValue:
     """Measure the largest start angle up to which every one converges within the region.
 
     There is no value if the least start fails already: the law has no region then.
@@ -67,10 +67,10 @@ def largest_start(
         x0 = (0.0, -math.radians(angle), 0.0, 0.0)
         result = lab.run(trial(_SYSTEM, "start", x0, _DURATION, edits), plant, controller)
         if not _converged(result):
-            return Measured(largest, f"not from {angle} degrees")
+            return ClaimValue(largest, f"not from {angle} degrees")
         distance = from_optimum(result)
         if distance > within_percent:
-            return Measured(largest, f"from {angle} degrees it goes {distance:.3g} % astray")
+            return ClaimValue(largest, f"from {angle} degrees it goes {distance:.3g} % astray")
         largest = float(angle)
 
     assert result is not None
@@ -79,7 +79,7 @@ def largest_start(
     for name, symbol in _SYMBOLS.items():
         if name in gains:
             words.append(f"{symbol} = {gains[name]:.3g}")
-    return Measured(largest, f"from every angle tried; {', '.join(words)}")
+    return ClaimValue(largest, f"from every angle tried; {', '.join(words)}")
 
 
 def _converged(result: RunResult) -> bool:
@@ -87,7 +87,7 @@ def _converged(result: RunResult) -> bool:
     return not from_run(result, None).broken and result.metrics["settling_time"].value is not None
 
 
-def acceleration_error(lab: RunCache, plant: PlantName) -> Measured:
+def acceleration_error(lab: RunCache, plant: PlantName) -> ClaimValue:
     """Measure the largest error of theta'' against Lagrange, in percent of the largest term."""
     p = MujocoPlant.load(_SYSTEM).analytic().parameters
     return equation_error(lab, plant, _SYSTEM, (1.2, 5.0, 10.0), partial(_lagrange, p))

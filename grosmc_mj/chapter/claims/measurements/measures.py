@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from grosmc_mj.chapter.claims.claim import Measured, NeedsSlidingModeError, NoValueError
+from grosmc_mj.chapter.claims.claim import ClaimValue, NeedsSlidingModeError, NoValueError
 from grosmc_mj.experiments.assumptions.audit import Premise, audit
 from grosmc_mj.experiments.assumptions.balance import balances_along
 from grosmc_mj.experiments.catalogue import find_experiment
@@ -33,15 +33,15 @@ Size = Literal["start", "amplitude"]
 ForceBalance = Callable[[float, float, float], tuple[float, Sequence[float]]]
 
 
-def from_run(result: RunResult, value: float | None, note: str = "") -> Measured:
+def from_run(result: RunResult, value: float | None, note: str = "") -> ClaimValue:
     """Return a value from one run; broken if the run ended early or left the laws' region."""
     if result.status is not Status.COMPLETED:
-        return Measured(value, result.ended, broken=True)
+        return ClaimValue(value, result.ended, broken=True)
 
     system = result.trajectory.system
     if not all(system.linearizable(x) for x in result.trajectory.state[::20]):
-        return Measured(value, f"the run leaves {system.region}", broken=True)
-    return Measured(value, note)
+        return ClaimValue(value, f"the run leaves {system.region}", broken=True)
+    return ClaimValue(value, note)
 
 
 def sliding(run: Trajectory) -> Array:
@@ -89,7 +89,7 @@ def deviation(
     controller: str,
     percent_of: Size = "start",
     bandwidth: float | None = None,
-) -> Measured:
+) -> ClaimValue:
     """Measure max |y - y*| in percent.
 
     With a bandwidth [rad/s], the case runs on the bench, whose observers have that bandwidth.
@@ -122,13 +122,13 @@ def _on_bench(experiment: Experiment, bandwidth: float) -> Experiment:
 
 def worst_deviation(
     lab: RunCache, plant: PlantName, cases: Sequence[Experiment], note: str = ""
-) -> Measured:
+) -> ClaimValue:
     """Measure the largest max |y - y*| over experiments under GROSMC, in percent of each start.
 
     Returns:
         The measurement of the first run that is broken, if one is.
     """
-    worst = Measured(-np.inf)
+    worst = ClaimValue(-np.inf)
     for case in cases:
         result = lab.run(case, plant, "grosmc")
         where = note or f"worst at {case.title}"
@@ -147,7 +147,7 @@ def late_error(
     case: str,
     controller: str,
     since: float,
-) -> Measured:
+) -> ClaimValue:
     """Measure the largest error from the instant ``since`` [s] on, in percent of the start."""
     result = lab.case(system, case, plant, controller)
     within(result.trajectory.time, since)
@@ -162,7 +162,7 @@ def difference(
     system: str,
     runs: Sequence[tuple[str, str]],
     until: float = np.inf,
-) -> Measured:
+) -> ClaimValue:
     """Measure the largest difference of the errors of two runs in percent.
 
     Args:
@@ -189,7 +189,7 @@ def beside_lqr(
     *,
     system: str,
     case: str,
-) -> Measured:
+) -> ClaimValue:
     """Measure max |y - y*| under GROSMC over that under the LQR."""
     robust = deviation(lab, plant, system=system, case=case, controller="grosmc")
     linear = deviation(lab, plant, system=system, case=case, controller="lqr")
@@ -200,7 +200,7 @@ def beside_lqr(
 
     ours = robust.value or np.nan
     theirs = linear.value or np.nan
-    return Measured(ours / theirs, f"{ours:.3g} % against {theirs:.3g} %")
+    return ClaimValue(ours / theirs, f"{ours:.3g} % against {theirs:.3g} %")
 
 
 def excess_cost(
@@ -211,7 +211,7 @@ def excess_cost(
     case: str,
     name: str,
     controller: str = "grosmc",
-) -> Measured:
+) -> ClaimValue:
     """Measure J over J*, less 1, in percent; J is the metric of that name."""
     result = lab.case(system, case, plant, controller)
     J = result.metrics[name].value or np.nan
@@ -225,7 +225,7 @@ def leaving_the_surface(
     *,
     system: str,
     case: str,
-) -> Measured:
+) -> ClaimValue:
     """Measure the largest |s_i| over the change that one sample of the switching term makes.
 
     While the gain covers the disturbance, |s_i'| is at most twice the effect of the switching term
@@ -261,7 +261,7 @@ def equation_error(
     system: str,
     bounds: Sequence[float],
     balance: ForceBalance,
-) -> Measured:
+) -> ClaimValue:
     """Measure the largest residual of M q'' = sum of terms over the largest term, in percent.
 
     Args:
@@ -283,7 +283,7 @@ def equation_error(
         mass, terms = balance(q, rate, u)
         residual = mass * derivative(x, u)[-1] - sum(terms)
         worst = max(worst, abs(residual) / np.abs(terms).max())
-    return Measured(100 * float(worst), "300 random states and inputs")
+    return ClaimValue(100 * float(worst), "300 random states and inputs")
 
 
 def failed_premise(lab: RunCache, *, system: str, case: str) -> str:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.linalg
 
-from grosmc_mj.chapter.claims.claim import Measured
+from grosmc_mj.chapter.claims.claim import ClaimValue
 from grosmc_mj.chapter.claims.measurements.measures import from_run, sliding
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.plants import PlantName
@@ -30,7 +30,7 @@ def overshoot_growth(
     system: str,
     case: str,
     controller: str,
-) -> Measured:
+) -> ClaimValue:
     """Measure the overshoot in a case less the nominal one, in percent of the step."""
     result = lab.case(system, case, plant, controller)
     nominal_result = lab.case(system, "nominal", plant, controller)
@@ -45,13 +45,13 @@ def largest_overshoot(
     *,
     system: str,
     case: str,
-) -> Measured:
+) -> ClaimValue:
     """Measure the robust law's overshoot over the whole run, in percent of the step."""
     result = lab.case(system, case, plant, "grosmc")
     return from_run(result, 100 * result.errors(result.comparison.z)["overshoot"])
 
 
-def stability_loss(lab: RunCache, plant: PlantName, *, measure: str) -> Measured:
+def stability_loss(lab: RunCache, plant: PlantName, *, measure: str) -> ClaimValue:
     """Measure by how much 3J lowers a measure of the LQR loop's relative stability, in percent.
 
     The loop gain is K (sI - A)^-1 B of the plant's own linear model.
@@ -63,7 +63,7 @@ def stability_loss(lab: RunCache, plant: PlantName, *, measure: str) -> Measured
         words.append(
             f"{name} {heavier[name]:.3g}{unit} under 3J, {nominal[name]:.3g}{unit} nominal"
         )
-    return Measured(100 * float(1 - heavier[measure] / nominal[measure]), "; ".join(words))
+    return ClaimValue(100 * float(1 - heavier[measure] / nominal[measure]), "; ".join(words))
 
 
 def _stability(lab: RunCache, plant: PlantName, name: str) -> dict[str, float]:
@@ -99,7 +99,7 @@ def _decay(closed: Array) -> float:
     return -float(np.linalg.eigvals(closed).real.max())
 
 
-def slowest_of_definite(lab: RunCache, plant: PlantName) -> Measured:
+def slowest_of_definite(lab: RunCache, plant: PlantName) -> ClaimValue:
     """Measure the largest real part of a pole under (5), for semidefinite Q with P > 0.
 
     Of 100 random Q of rank one, those with a singular P are left out: (5)-(7) do not treat them.
@@ -117,10 +117,10 @@ def slowest_of_definite(lab: RunCache, plant: PlantName) -> Measured:
         if np.linalg.eigvalsh(optimum.P).min() > 0:
             optimal_law = replace(law, parameters=replace(law.parameters, K=optimum.K))
             poles.append(-_decay(A - B @ _state_gain(optimal_law)))
-    return Measured(max(poles), f"{len(poles)} weights of rank one with P > 0")
+    return ClaimValue(max(poles), f"{len(poles)} weights of rank one with P > 0")
 
 
-def undercut(lab: RunCache, plant: PlantName) -> Measured:
+def undercut(lab: RunCache, plant: PlantName) -> ClaimValue:
     """Measure by how much u_c = 0 changes the index (13) from J*, in percent.
 
     The surface (8) fixes x, whether u_c or u_d supplies the input. So the law (12) runs with

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grosmc_mj.chapter.claims.claim import Measured, NoValueError
+from grosmc_mj.chapter.claims.claim import ClaimValue, NoValueError
 from grosmc_mj.chapter.claims.measurements.arm import PAYLOADS
 from grosmc_mj.chapter.claims.measurements.measures import EVERY, from_run, sliding, worst_deviation
 from grosmc_mj.experiments.assumptions.balance import Loads, balance, balances, balances_along
@@ -102,7 +102,7 @@ def slowest_approach(
     system: str,
     rate: float | None = None,
     torque: float = 0.0,
-) -> Measured:
+) -> ClaimValue:
     """Measure the largest s' sgn(s) + eta over the declared family.
 
     On the surface s' sgn(s) is push - r rho, see ``assumptions.balance``. A law's gain eta + gamma0
@@ -143,10 +143,10 @@ def slowest_approach(
 
     note = f"{_PLANTS} plants x {_STATES} states"
     if rate is not None:
-        return Measured(worst + rate, note)
+        return ClaimValue(worst + rate, note)
     rest = eta_of_law - family.rate
     note += f"; η = {family.rate:.3g}, the other {rest:.3g} of the law's counted in γ0"
-    return Measured(worst + family.rate, note)
+    return ClaimValue(worst + family.rate, note)
 
 
 def _approach(
@@ -182,7 +182,7 @@ def _approach(
     return worst
 
 
-def reaching_time(lab: RunCache, plant: PlantName, *, system: str) -> Measured:
+def reaching_time(lab: RunCache, plant: PlantName, *, system: str) -> ClaimValue:
     """Measure the time of s back to zero after a kick, over |s| / eta: the worst kick and plant.
 
     eta is the declared reaching rate, see ``slowest_approach``; of a law without eta the part of
@@ -201,7 +201,7 @@ def reaching_time(lab: RunCache, plant: PlantName, *, system: str) -> Measured:
     if not lab.controller(nominal, plant, "grosmc").parameters.eta:
         eta = -(slowest_approach(lab, plant, system=system, rate=0.0).value or 0.0)
     if eta <= 0:
-        return Measured(None, "the switching term does not drive s back")
+        return ClaimValue(None, "the switching term does not drive s back")
 
     masses = dict.fromkeys(family.mass)
     lengths = dict.fromkeys(family.length)
@@ -250,7 +250,7 @@ def _impulse(lab: RunCache, still: Experiment, plant: PlantName) -> float:
     return _region(lab, still)[1] / float(rate)
 
 
-def _return(result: RunResult, eta: float, where: str) -> Measured | None:
+def _return(result: RunResult, eta: float, where: str) -> ClaimValue | None:
     """The time from a kick until s is zero, over |s| / eta; None if the kick did not move s.
 
     Raises:
@@ -269,17 +269,17 @@ def _return(result: RunResult, eta: float, where: str) -> Measured | None:
 
     back = np.flatnonzero(s[after] * start <= 0)
     if not len(back):
-        return Measured(None, f"from |s| = {abs(start):.3g} it never comes back; {where}")
+        return ClaimValue(None, f"from |s| = {abs(start):.3g} it never comes back; {where}")
     duration = float(time[after][back[0]] - time[after][0])
     allowed = abs(start) / eta
     note = (
         f"from |s| = {abs(start):.3g} in {duration:.3g} s, allowed {allowed:.3g} s "
         f"with η = {eta:.3g}"
     )
-    return Measured(duration / allowed, f"{note}; {where}")
+    return ClaimValue(duration / allowed, f"{note}; {where}")
 
 
-def naive_gain(lab: RunCache, plant: PlantName, *, system: str, case: str) -> Measured:
+def naive_gain(lab: RunCache, plant: PlantName, *, system: str, case: str) -> ClaimValue:
     """Measure a gain sized on u_c alone over the required one, along the run of a case.
 
     Assumptions 4 and 6 bound the lumped uncertainty, which contains (r - 1) u with the switching
@@ -302,7 +302,7 @@ def naive_gain(lab: RunCache, plant: PlantName, *, system: str, case: str) -> Me
     return from_run(result, naive / required, note)
 
 
-def worst_matched(lab: RunCache, plant: PlantName, *, system: str) -> Measured:
+def worst_matched(lab: RunCache, plant: PlantName, *, system: str) -> ClaimValue:
     """Measure the worst deviation over random plants and matched disturbances of declared size."""
     family = _declared(lab, system)
     body = find_system(system).uncertain_body
@@ -329,7 +329,7 @@ def worst_start(
     system: str,
     case: str,
     bound: float,
-) -> Measured:
+) -> ClaimValue:
     """Measure the worst deviation over random starts in a case, in percent of each start.
 
     Args:
@@ -350,16 +350,16 @@ def worst_start(
     return worst_deviation(lab, plant, cases, f"{len(cases)} random starts")
 
 
-def proof_three(lab: RunCache, _: PlantName) -> Measured:
+def proof_three(lab: RunCache, _: PlantName) -> ClaimValue:
     """Measure the largest difference of -k s's from -k |s|_1, which proof 3 has, for |s| < 1."""
     law = lab.controller(find_experiment("arm", "nominal"), "corrected", "grosmc")
     k = law.parameters.k
     s = np.linspace(-1, 1, 201)
     difference = -k * s * s + k * np.abs(s)
-    return Measured(float(np.abs(difference).max()))
+    return ClaimValue(float(np.abs(difference).max()))
 
 
-def left_unseen(lab: RunCache, plant: PlantName) -> Measured:
+def left_unseen(lab: RunCache, plant: PlantName) -> ClaimValue:
     """Measure the servo's error 20 s after a start at 1 rad/s, in percent of that at the start.
 
     The law is the optimal one for Q = diag(0, 1), R = 1. A state that no weight sees costs
@@ -376,7 +376,7 @@ def left_unseen(lab: RunCache, plant: PlantName) -> Measured:
     least = np.linalg.eigvalsh(P).min()
     poles = np.sort(np.linalg.eigvals(linear.A - linear.B @ K).real)
     note = f"poles {poles.round(3).tolist()}, least eigenvalue of P {least:.3g}"
-    return Measured(100 * abs(float(error[-1] / error[0])), note)
+    return ClaimValue(100 * abs(float(error[-1] / error[0])), note)
 
 
 def optimum_of_rate(servo: LqrDesign) -> tuple[Array, Array]:
@@ -391,7 +391,7 @@ def optimum_of_rate(servo: LqrDesign) -> tuple[Array, Array]:
     return K, P
 
 
-def approach_under_equality(lab: RunCache, plant: PlantName) -> Measured:
+def approach_under_equality(lab: RunCache, plant: PlantName) -> ClaimValue:
     """Measure how fast |s| falls at |s| = 1e-6 rad/s with |d/M| = epsilon, in percent of epsilon.
 
     The torque epsilon M(q) pushes s away on either side; k s drives it back, eq. (55).
@@ -401,7 +401,7 @@ def approach_under_equality(lab: RunCache, plant: PlantName) -> Measured:
     true = lab.equations(experiment, plant)
     epsilon = law.parameters.epsilon
     if epsilon == 0:
-        return Measured(None, "the law does not switch")
+        return ClaimValue(None, "the law does not switch")
 
     at_rest = np.zeros(2)
     torque = np.eye(12)[-2]
@@ -414,4 +414,4 @@ def approach_under_equality(lab: RunCache, plant: PlantName) -> Measured:
         slowest = min(slowest, -_approach(law, true, [(at_rest, t)], equal))
 
     rate = slowest + 1e-6 * law.parameters.k
-    return Measured(100 * rate / epsilon, "the least of 40 states")
+    return ClaimValue(100 * rate / epsilon, "the least of 40 states")

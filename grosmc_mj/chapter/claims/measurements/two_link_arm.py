@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from grosmc_mj.chapter.claims.claim import Measured
+from grosmc_mj.chapter.claims.claim import ClaimValue
 from grosmc_mj.chapter.claims.measurements.measures import from_run, within
 from grosmc_mj.chapter.tip import true_tip
 from grosmc_mj.experiments.assumptions.balance import Balance, Loads, balances
@@ -23,7 +23,7 @@ _PAYLOADS = 5
 _POSES = 25
 
 
-def projection(lab: RunCache, plant: PlantName, *, payload: float) -> Measured:
+def projection(lab: RunCache, plant: PlantName, *, payload: float) -> ClaimValue:
     """Measure the least share r of a switching gain that G = B+ leaves over the declared poses.
 
     The payload goes up to ``payload`` times the nominal one.
@@ -33,7 +33,7 @@ def projection(lab: RunCache, plant: PlantName, *, payload: float) -> Measured:
     pseudoinverse = np.linalg.pinv(law.designed.lqr.B)
     with_pseudoinverse = replace(law, parameters=replace(law.parameters, G=pseudoinverse))
 
-    least = Measured(np.inf)
+    least = ClaimValue(np.inf)
     least_of_law = np.inf
     for mass in np.linspace(1.0, payload, _PAYLOADS).tolist():
         edits = (BodyEdit("payload", mass),)
@@ -41,7 +41,7 @@ def projection(lab: RunCache, plant: PlantName, *, payload: float) -> Measured:
         points = _balances_over_poses(with_pseudoinverse, true)
         worst = int(points.gain_ratio.argmin())
         where = f"{0.2 * mass:.2g} kg, q2 = {points.x[worst, 1]:.3g} rad"
-        least = min(least, Measured(float(points.gain_ratio[worst]), where))
+        least = min(least, ClaimValue(float(points.gain_ratio[worst]), where))
         least_of_law = min(least_of_law, _balances_over_poses(law, true).gain_ratio.min())
     return least._replace(note=f"at {least.note}; the law's own G keeps {least_of_law:.3g}")
 
@@ -58,7 +58,7 @@ def _balances_over_poses(law: Controller, true: AnalyticPlant) -> Balance:
     return balances(law, true, [0.0] * _POSES, np.array(poses), no_loads)
 
 
-def off_the_circle(lab: RunCache, plant: PlantName, *, case: str) -> Measured:
+def off_the_circle(lab: RunCache, plant: PlantName, *, case: str) -> ClaimValue:
     """Measure the largest distance of the true tip from its reference in the last turn [mm]."""
     result = lab.case(_SYSTEM, case, plant, "grosmc")
     comparison = result.comparison
