@@ -490,7 +490,7 @@ def test_the_page_names_the_numbers_that_are_assumed() -> None:
 def servo_climb() -> tuple[list[Verdict], Verdict]:
     """Results of LQR on the rungs of a servo, and with its friction alone."""
     studied = ladder("servo", ["lqr"])
-    steps = [x for x in studied.steps() if x[3] or x[1].name == "friction"]
+    steps = [x for x in studied.runs() if x[3] or x[1].name == "friction"]
     *rungs, friction_alone = [run_rung(studied, *x[:3], together=x[3]) for x in steps]
     return rungs, friction_alone
 
@@ -891,7 +891,7 @@ def test_a_law_that_cannot_be_designed_has_its_reason(
 
     monkeypatch.setattr(study, "trial_of", refused)
     studied = ladder(str(written(tmp_path)), ["lqr"])
-    law, rung, condition, _ = next(studied.steps())
+    law, rung, condition, _ = next(studied.runs())
     step = run_rung(studied, law, rung, condition, together=True)
     assert step.impossible == "there is no such law"
     assert not step.kept
