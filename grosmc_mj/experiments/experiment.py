@@ -69,6 +69,7 @@ from grosmc_mj.simulation.loop.timing import stride_of
 from grosmc_mj.simulation.prepare import number_of_steps, prepare
 from grosmc_mj.simulation.problem import Plant
 from grosmc_mj.simulation.simulate import simulate
+from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.theory.control.controller import Controller
 from grosmc_mj.theory.control.design import realized
 from grosmc_mj.theory.control.switching import find_switching
@@ -175,14 +176,12 @@ class Experiment:
         Raises:
             GrosmcError: If plant, case or loop do not fit.
         """
-        folder = path.parent
-        nominal = nominal_plant(file, folder)
+        nominal = nominal_plant(file, path.parent)
         system = nominal.system
         settings = settings_of_file(file, nominal)
-
         mistakes = Mistakes()
         x0 = mistakes.attempt(state_of, file.run.start, system, "run: start", nominal.rest)
-        disturbances = mistakes.attempt(disturbances_of, file, system, folder)
+        disturbances = mistakes.attempt(disturbances_of, file, system, path.parent)
         loop = mistakes.attempt(loop_of_file, file, system)
         known_loop = mistakes.attempt(known_loop_of_file, file, system, where="known_loop: ")
         edits = mistakes.attempt(partial(edits_of, known=False), file, system)
@@ -848,8 +847,22 @@ def run_on(
         plant: The plant.
         loop: The loop around the law; ideal by default.
     """
+    run, ended = _simulated(case, law, plant, loop)
+    return RunResult(
+        case=case,
+        plant=name,
+        controller=law,
+        trajectory=with_acting(run, plant),
+        ended=ended,
+        true=plant,
+    )
+
+
+def _simulated(
+    case: Experiment, law: Controller, plant: Plant, loop: AppliedLoop | None
+) -> tuple[Trajectory, str]:
+    """Return a run of a case, and the reason why it ended early, if it did."""
     settings = case.settings
-    ended = ""
     try:
         run = simulate(
             plant,
@@ -863,17 +876,8 @@ def run_on(
             engine=settings.engine_for(law),
         )
     except DivergenceError as error:
-        run = error.trajectory
-        ended = str(error)
-    run = with_acting(run, plant)
-    return RunResult(
-        case=case,
-        plant=name,
-        controller=law,
-        trajectory=run,
-        ended=ended,
-        true=plant,
-    )
+        return error.trajectory, str(error)
+    return run, ""
 
 
 def _with_unit(metric: Metric) -> str:

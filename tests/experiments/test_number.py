@@ -361,3 +361,28 @@ def test_lists_and_texts_of_one_table_keep_each_other(case: Experiment) -> None:
     assert hum.profile.frequency == 5.0
     load: Any = changed.edits[0]
     assert (load.mass, load.position) == (0.3, (0.0, 0.0, 0.05))
+
+
+# -- uncertain numbers as former versions wrote them -----------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        ('body = "rotor"\nmass_scale = [1, 2]', 'write number = "edit.rotor.mass_scale"'),
+        ('joint = "shaft"\ndamping = [0, 1]', 'write number = "edit.shaft.damping"'),
+        ('start = "rotor angle"\nvalue = [0, 1]', 'write number = "run.start.rotor angle"'),
+        ('computing = true\ndelay = ["0 s", "1 s"]', 'write number = "computing.delay"'),
+        ('lugre = "shaft"\ncoulomb = [0, 1]', 'write number = "lugre.shaft.coulomb"'),
+        ('disturbance = "load"\nphase = [0, 1]', 'write number = "disturbance.load.phase"'),
+        ('disturbance = "load"\namplitude = [0, 1]', 'write number = "disturbance.load.scale"'),
+        ('disturbance = "load"\namplitude = [0, 1]', "with nominal = 0"),
+    ],
+)
+def test_a_former_uncertain_number_is_refused_with_its_path(
+    lines: str, words: str, tmp_path: Path
+) -> None:
+    with pytest.raises(gm.GrosmcError) as refusal:
+        load(tmp_path, f"{SERVO}[[uncertain]]\n{lines}\n")
+    assert words in str(refusal.value)
+    assert "\n" not in str(refusal.value)
