@@ -19,6 +19,8 @@ import pytest
 import repository
 
 from grosmc_mj import control, environments, films, loop, machine, physics, simulation, studies
+from grosmc_mj.theory.control.kinds import KINDS
+from grosmc_mj.theory.control.switching import SWITCHINGS
 
 ROOT = Path(__file__).parents[1]
 LOADED = {("script", "src"), ("img", "src"), ("iframe", "src"), ("link", "href")}
@@ -206,6 +208,13 @@ def test_drawing_and_table_of_the_doors_are_those_of_the_code() -> None:
 
 def test_table_of_the_laws_numbers_is_that_of_their_classes() -> None:
     assert law_numbers.table() in law_numbers.PAGE.read_text(encoding="utf-8")
+
+
+def test_the_guide_lists_all_laws_and_switching_laws() -> None:
+    guide = law_numbers.PAGE.read_text(encoding="utf-8")
+    laws = guide[guide.index("\n## Laws\n") : guide.index("\n### Numbers of the laws\n")]
+    named = set(re.findall(r"`([^`]+)`", laws))
+    assert {kind.key for kind in KINDS} | set(SWITCHINGS) <= named
 
 
 DOORS = [door for floor in doors.floors() for door in floor]

@@ -81,7 +81,6 @@ class Adaptive(LawKind):
     """
 
     key = "adaptive"
-    about = "Slotine and Li's law, which adapts the parameters"
     where = OF_EQUATIONS
     follows_weights = False
 
@@ -142,7 +141,6 @@ class LinearAdaptive(Adaptive):
     """Slotine and Li's law, compared with the optimum of the plant's linearization."""
 
     key = "linear-adaptive"
-    about = "the same law beside the optimum of the linearization"
     linearizing = False
 
 

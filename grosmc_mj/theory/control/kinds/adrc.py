@@ -39,7 +39,6 @@ class Adrc(LawKind):
     """
 
     key = "adrc"
-    about = "the optimum less what an extended state observer estimates"
     where = OF_OUTPUTS
 
     bandwidth: Annotated[
@@ -80,7 +79,6 @@ class LinearAdrc(Adrc):
     """Linear active disturbance rejection on the plant's linearization about zero error."""
 
     key = "linear-adrc"
-    about = "the same observer, on the linearization"
     where = OF_EQUATIONS
     linearizing = False
 

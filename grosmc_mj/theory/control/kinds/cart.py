@@ -187,7 +187,6 @@ class CartLqr(CartKind):
     """LQR of all four states, eqs. (5)-(6)."""
 
     key = "cart-lqr"
-    about = "LQR of pole and cart"
     linearizing = False
 
     def design(self, task: Task) -> Controller:
@@ -202,7 +201,6 @@ class CartIsm(CartKind):
     """Integral sliding mode on the four-state LQR."""
 
     key = "cart-ism"
-    about = "the chapter's law on pole and cart (section 2)"
     linearizing = False
     switches = True
 
@@ -218,7 +216,6 @@ class CartPfl(CartKind):
     """Feedback linearization of the angle with an outer loop on the cart."""
 
     key = "cart-pfl"
-    about = "the chapter's law on the pole, with an outer loop on the cart (section 3)"
     switches = True
 
     def design(self, task: Task) -> Controller:

@@ -14,7 +14,6 @@ class FlLqr(LawKind):
     """Feedback linearization with LQR only, eqs. (23)+(28) and (44)+(49)."""
 
     key = "fl-lqr"
-    about = "LQR on feedback linearization"
     where = OF_EQUATIONS
 
     def design(self, task: Task) -> Controller:

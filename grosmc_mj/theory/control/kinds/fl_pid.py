@@ -32,7 +32,6 @@ class FlPid(LawKind):
     """
 
     key = "fl-pid"
-    about = "computed-torque PID with a triple pole"
     where = OF_OUTPUTS
     follows_weights = False
 
@@ -82,6 +81,5 @@ class LinearPid(FlPid):
     """PID with three poles at one place on the plant's linearization about zero error."""
 
     key = "linear-pid"
-    about = "PID with a triple pole, on the linearization"
     where = OF_EQUATIONS
     linearizing = False

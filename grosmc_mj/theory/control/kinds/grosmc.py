@@ -16,7 +16,6 @@ class Grosmc(LawKind):
     """GROSMC with given gains, eqs. (51)+(55); ``G`` projects the surface."""
 
     key = "grosmc"
-    about = "the chapter's law for tracking (section 4)"
     where = OF_OUTPUTS
     switches = True
 

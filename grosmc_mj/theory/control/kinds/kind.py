@@ -56,7 +56,6 @@ class LawKind(ABC):
 
     Attributes:
         key: Name of the law in a file.
-        about: What it is, in some words for people.
         where: Nominal plants that it can be designed for.
         system: Name of the only system that has it; empty for none.
         linearizing: Whether it goes through feedback linearization, so that R weighs v.
@@ -70,7 +69,6 @@ class LawKind(ABC):
     """
 
     key: ClassVar[str]
-    about: ClassVar[str]
     where: ClassVar[frozenset[Where]] = frozenset()
     system: ClassVar[str] = ""
     linearizing: ClassVar[bool] = True

@@ -18,7 +18,6 @@ class LinearGrosmc(LawKind):
     """GROSMC on the linearization about zero error, eqs. (8)+(12)."""
 
     key = "linear-grosmc"
-    about = "the chapter's law on the linearization (section 2)"
     where = frozenset({Where.EQUATIONS})
     linearizing = False
     switches = True
@@ -36,7 +35,6 @@ class StateGrosmc(LawKind):
     """GROSMC on all states about an operating point: the surface (8) and the law (12)."""
 
     key = "linear-grosmc"
-    about = "the chapter's law on all states at the operating point (section 2)"
     where = frozenset({Where.AT_REST})
     linearizing = False
     switches = True

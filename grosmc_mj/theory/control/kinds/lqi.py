@@ -28,7 +28,6 @@ class Lqi(LawKind):
     """
 
     key = "lqi"
-    about = "LQR with integrals of the outputs' errors"
     where = OF_OUTPUTS
 
     integral_weight: Annotated[
@@ -75,6 +74,5 @@ class LinearLqi(Lqi):
     """LQR with integral action on the plant's linearization about zero error."""
 
     key = "linear-lqi"
-    about = "LQR with integrals, on the linearization"
     where = OF_EQUATIONS
     linearizing = False

@@ -14,7 +14,6 @@ class Lqr(LawKind):
     """LQR (5) on the linearization about zero error, or about the operating point."""
 
     key = "lqr"
-    about = "LQR on the plant's linearization"
     where = OF_EQUATIONS | {Where.UNDERACTUATED}
     linearizing = False
 
@@ -33,7 +32,6 @@ class ComputedTorqueLqr(LawKind):
     """LQR of a robot that has an actuator for each joint: computed torque."""
 
     key = "lqr"
-    about = "computed torque with LQR"
     where = frozenset({Where.COMPUTED_TORQUE})
 
     def design(self, task: Task) -> Controller:

@@ -14,7 +14,6 @@ class Pd(LawKind):
     """Feedback linearization with the same two poles for every output."""
 
     key = "pd"
-    about = "computed torque with PD"
     where = OF_OUTPUTS
     follows_weights = False
 

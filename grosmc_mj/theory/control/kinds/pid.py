@@ -115,7 +115,6 @@ class Pid(LawKind):
     """
 
     key = "pid"
-    about = "PID of the measured outputs"
     where = OF_OUTPUTS | {Where.UNDERACTUATED}
     follows_weights = False
     takes_limits = True

@@ -17,7 +17,6 @@ class RegulatingGrosmc(LawKind):
     """GROSMC with gains from the declared uncertainty, eqs. (31)+(37)."""
 
     key = "regulating-grosmc"
-    about = "the chapter's law for regulation (section 3)"
     where = OF_EQUATIONS
     switches = True
 
