@@ -32,7 +32,7 @@ _LEAST_NOISE = 0.4
 _REPORTED = ("total_variation",)
 
 
-class Quantity(NamedTuple):
+class PredictedQuantity(NamedTuple):
     """A number of the measured run beside those of the predicted ones.
 
     Attributes:
@@ -82,7 +82,7 @@ class Prediction:
     log: Log
     runs: Sequence[Trajectory]
     logs: Sequence[Log]
-    quantities: Sequence[Quantity]
+    quantities: Sequence[PredictedQuantity]
     misfits: Array
 
     @property
@@ -91,7 +91,7 @@ class Prediction:
         return int(self.misfits.argmin())
 
 
-class Question(NamedTuple):
+class PredictionQuestion(NamedTuple):
     """A law on a machine, whose closed loop a log is of.
 
     Attributes:
@@ -111,7 +111,7 @@ class Question(NamedTuple):
 
 def question_of(
     experiment: Experiment, law: str, log: Log, noise_log: Log, start: float = 0.0
-) -> Question:
+) -> PredictionQuestion:
     """Bring start and sensors of a log into the case of its machine.
 
     Args:
@@ -140,7 +140,9 @@ def question_of(
         start_of_run = _start(experiment, log, asked.rows * log.sampling)
     except ArgumentError as error:
         notes.append(f"the law is not asked for the logged commands: {error}")
-    return Question(experiment.changed(x0=tuple(start_of_run.tolist())), law, log, asked, notes)
+    return PredictionQuestion(
+        experiment.changed(x0=tuple(start_of_run.tolist())), law, log, asked, notes
+    )
 
 
 def _asked(experiment: Experiment, law: str, log: Log, start: Array, limits: Array) -> LawOnLog:
@@ -241,7 +243,7 @@ def _start(experiment: Experiment, log: Log, logged_delay: float) -> Array:
     return start
 
 
-def predict(question: Question, seeds: int) -> Prediction:
+def predict(question: PredictionQuestion, seeds: int) -> Prediction:
     """Simulate the closed loop over seeds, and measure each run as its log shows it.
 
     Args:
@@ -339,7 +341,7 @@ def _after_rest(log: Log, delay: float) -> Log:
     )
 
 
-def _quantities(experiment: Experiment, log: Log, law: str) -> Mapping[str, Quantity]:
+def _quantities(experiment: Experiment, log: Log, law: str) -> Mapping[str, PredictedQuantity]:
     """Return the numbers of a log by their names: those that requirements ask for first."""
     run = run_of_log(experiment, log, law, Path(log.name))
     quantities = {}
@@ -354,12 +356,12 @@ def _quantities(experiment: Experiment, log: Log, law: str) -> Mapping[str, Quan
         elif judgement.margin is not None:
             number = judgement.margin
             label = f"margin of {label}"
-        quantities[name] = Quantity(name, label, requirement.unit, True, number)
+        quantities[name] = PredictedQuantity(name, label, requirement.unit, True, number)
     for key in _REPORTED:
         metric = run.metrics[key]
         if metric.value is not None:
             name = key.replace("_", " ")
-            quantities[name] = Quantity(name, name, metric.unit, False, metric.value)
+            quantities[name] = PredictedQuantity(name, name, metric.unit, False, metric.value)
     return quantities
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from grosmc_mj.identify.predict import Prediction, Quantity, Question
+from grosmc_mj.identify.predict import PredictedQuantity, Prediction, PredictionQuestion
 from grosmc_mj.output.charts.chart import Chart, ChartAxis, Curve, Layer, Panel
 from grosmc_mj.output.charts.figure import write_chart
 from grosmc_mj.output.palette import BLACK, BLUE, Stroke
@@ -30,7 +30,7 @@ _NOISE = 0.05
 
 
 def prediction_result(
-    question: Question,
+    question: PredictionQuestion,
     complete: Prediction,
     configuration: Mapping[str, Any],
 ) -> Result:
@@ -93,7 +93,7 @@ def _document(prediction: Prediction) -> dict[str, Any]:
 # -- words and tables ------------------------------------------------------------------------------
 
 
-def _law_answer(question: Question) -> Answer:
+def _law_answer(question: PredictionQuestion) -> Answer:
     """Return whether the law is that of the log."""
     finding = question.law_on_log
     words = f"Law: {question.law} is not compared with the logged commands"
@@ -105,7 +105,7 @@ def _law_answer(question: Question) -> Answer:
     return Answer(question=f"Is {question.law} the law of the log", verdict=verdict, words=words)
 
 
-def _headline(item: Quantity) -> str:
+def _headline(item: PredictedQuantity) -> str:
     """Return the first quantity in words: median, spread, measured."""
     low, high = item.spread
     unit = f" {item.unit}" if item.unit not in ("", "1") else ""
@@ -122,12 +122,12 @@ def _shown(value: float) -> str:
     return number(value)
 
 
-def _headed(item: Quantity) -> str:
+def _headed(item: PredictedQuantity) -> str:
     """Return the header of a quantity, with its unit."""
     return item.label if item.unit in ("", "1") else f"{item.label} [{item.unit}]"
 
 
-def _distance_words(question: Question, complete: Prediction) -> str:
+def _distance_words(question: PredictionQuestion, complete: Prediction) -> str:
     """Return how far the nearest run is from the log."""
     system = question.experiment.nominal.system
     unit = system.states[system.controlled[0]].unit
@@ -164,7 +164,7 @@ def quantities_table(complete: Prediction) -> Table:
 # -- figure ----------------------------------------------------------------------------------------
 
 
-def draw_prediction(question: Question, complete: Prediction, path: Path) -> Path:
+def draw_prediction(question: PredictionQuestion, complete: Prediction, path: Path) -> Path:
     """Draw each measured state and input over those of all seeds; returns the picture's path.
 
     Args:

@@ -40,7 +40,7 @@ def _replayed(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
         u[j] = p.samples[k, j]
 
 
-class Window(NamedTuple):
+class ReplayWindow(NamedTuple):
     """A part of a log that is predicted from one start.
 
     Attributes:
@@ -71,7 +71,7 @@ class Predictor:
     """
 
     log: Log
-    windows: Sequence[Window]
+    windows: Sequence[ReplayWindow]
     timestep: float
 
     @classmethod
@@ -123,7 +123,7 @@ class Predictor:
         for window in self.windows:
             first = window.samples.start
             stop = first + int(np.sum(self.log.time[window.samples] <= window.begin))
-            windows.append(Window(slice(first, stop), window.start, window.begin))
+            windows.append(ReplayWindow(slice(first, stop), window.start, window.begin))
         return replace(self, windows=windows)
 
     def short_words(self, horizon: float) -> str:
@@ -229,7 +229,7 @@ class Predictor:
         (states,) = self.states([model], [starts])
         return self.errors(states, model)
 
-    def _at_samples(self, window: Window, values: Array, delay: float) -> Array:
+    def _at_samples(self, window: ReplayWindow, values: Array, delay: float) -> Array:
         """Values on the timesteps of a window at the instants of its samples, later by a delay."""
         times = self.log.time[window.samples] - window.start - delay
         return np.interp(times, np.arange(len(values)) * self.timestep, values)
@@ -249,7 +249,7 @@ def _law(system: System, inputs: Array, timestep: float) -> Controller:
     return Controller("log", _replayed, numbers, memory_of(Memory, m=len(system.inputs)))
 
 
-def _windows(log: Log, piece: slice, horizon: float, lead: float) -> list[Window]:
+def _windows(log: Log, piece: slice, horizon: float, lead: float) -> list[ReplayWindow]:
     """Windows of a lead and a horizon [s] over a piece, whose end may be too short.
 
     Each begins to predict where the one before ended.
@@ -264,6 +264,6 @@ def _windows(log: Log, piece: slice, horizon: float, lead: float) -> list[Window
         last = min(max(last, first + SHORTEST_PIECE), piece.stop)
         end = log.time[last - 1]
         if not lead or end > begin:
-            windows.append(Window(slice(first, last), start, begin))
+            windows.append(ReplayWindow(slice(first, last), start, begin))
         first = max(int(np.searchsorted(log.time, end - lead, side="right")), first + 1)
     return windows

@@ -13,7 +13,7 @@ import numpy as np
 from grosmc_mj.experiments.logs.log import Log
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.identify.model import LogModel
-from grosmc_mj.identify.replay import Predictor, Window
+from grosmc_mj.identify.replay import Predictor, ReplayWindow
 
 # Samples before and after the start of a window through which the parabola goes.
 _AROUND = 15
@@ -23,7 +23,7 @@ _STEPS = 6
 _DIFFERENCE = 1e-4
 
 
-def first_guess(log: Log, windows: Sequence[Window], model: LogModel) -> Array:
+def first_guess(log: Log, windows: Sequence[ReplayWindow], model: LogModel) -> Array:
     """States at the start of each window, (windows, n), from a parabola through samples around it.
 
     A rate that is not measured is the slope of its position; any other state is 0.

@@ -15,7 +15,7 @@ from grosmc_mj.experiments.measured import run_of_log
 from grosmc_mj.experiments.requirements.accumulator import _noting_rows
 from grosmc_mj.ground.errors import ArgumentError, SetupError
 from grosmc_mj.identify.law_on_log import LawOnLog, law_on_log
-from grosmc_mj.identify.predict import Prediction, Question, predict, question_of
+from grosmc_mj.identify.predict import Prediction, PredictionQuestion, predict, question_of
 from grosmc_mj.identify.predict_report import prediction_result
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.output.results.document import json_text
@@ -165,7 +165,7 @@ def test_a_case_without_a_requirement_predicts_nothing(machine: Experiment) -> N
 
 
 @pytest.fixture(scope="module")
-def question(machine: Experiment) -> Question:
+def question(machine: Experiment) -> PredictionQuestion:
     """The machine beside the log of one of its runs."""
     log = log_of(machine)
     return question_of(machine, "lqr", log, log)
@@ -176,7 +176,7 @@ def required_inside(prediction: Prediction) -> bool:
     return all(item.contains(item.measured) for item in prediction.quantities if item.required)
 
 
-def test_start_and_sensors_are_those_of_the_log(question: Question) -> None:
+def test_start_and_sensors_are_those_of_the_log(question: PredictionQuestion) -> None:
     loop = question.experiment.loop
     assert loop is not None
     assert question.experiment.x0[0] == pytest.approx(0.0, abs=2e-3)
@@ -187,7 +187,7 @@ def test_start_and_sensors_are_those_of_the_log(question: Question) -> None:
 
 
 def test_a_run_of_the_machine_lies_within_the_spread_of_its_predictions(
-    question: Question,
+    question: PredictionQuestion,
 ) -> None:
     complete = predict(question, 16)
     assert required_inside(complete)
@@ -195,14 +195,14 @@ def test_a_run_of_the_machine_lies_within_the_spread_of_its_predictions(
     assert complete.misfits.max() < 5e-3
 
 
-def test_a_start_from_which_no_run_gets_on_is_refused(question: Question) -> None:
+def test_a_start_from_which_no_run_gets_on_is_refused(question: PredictionQuestion) -> None:
     """As of a log whose angle counts 1e14 for a radian."""
     far = question.experiment.changed(x0=(-1e14, 1e17))
     with pytest.raises(ArgumentError, match="every predicted run ends in its first step, from ro"):
         predict(question._replace(experiment=far), 2)
 
 
-def test_without_its_friction_the_machine_is_another_one(question: Question) -> None:
+def test_without_its_friction_the_machine_is_another_one(question: PredictionQuestion) -> None:
     complete = predict(question, 16)
     smooth = question.experiment.changed({"edit.shaft.friction": 0.0})
     lesser = predict(question._replace(experiment=smooth), 4)
@@ -211,7 +211,7 @@ def test_without_its_friction_the_machine_is_another_one(question: Question) -> 
 
 
 def test_diff_compares_the_predictions_of_two_logs_one_by_one(
-    question: Question, tmp_path: Path
+    question: PredictionQuestion, tmp_path: Path
 ) -> None:
     """Numbers of the second log took the place of the first one's, in silence."""
     complete = predict(question, 2)
@@ -235,7 +235,7 @@ def test_a_run_begins_with_the_machine_at_rest(machine: Experiment) -> None:
     assert start[1] == pytest.approx(0.0, abs=0.02)
 
 
-def test_seeds_differ_by_their_noise_alone(question: Question) -> None:
+def test_seeds_differ_by_their_noise_alone(question: PredictionQuestion) -> None:
     """Without noise all runs are one."""
     quiet = question.experiment.changed({"sensor.rotor speed.noise": 0.0})
     runs = predict(question._replace(experiment=quiet), 3).runs

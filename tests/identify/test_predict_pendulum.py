@@ -15,7 +15,7 @@ from commands import Screen, run
 from grosmc_mj import cli
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.logs.read import read_log
-from grosmc_mj.identify.predict import Prediction, Question, predict, question_of
+from grosmc_mj.identify.predict import Prediction, PredictionQuestion, predict, question_of
 
 PENDULUM = Path(__file__).parents[2] / "measured" / "pendulum"
 LAW = "energy_lqr"
@@ -32,7 +32,7 @@ class Machine(NamedTuple):
     """
 
     fit: Mapping[str, float]
-    question: Question
+    question: PredictionQuestion
     complete: Prediction
 
 

@@ -18,8 +18,7 @@ from grosmc_mj.ground.files import name_in_files
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.experiment import Experiment
-    from grosmc_mj.identify.predict import Prediction
-    from grosmc_mj.identify.predict import Question as LogQuestion
+    from grosmc_mj.identify.predict import Prediction, PredictionQuestion
     from grosmc_mj.output.results.result import Result
 
 # More runs tell nothing new, and each is kept in memory.
@@ -89,7 +88,7 @@ class PredictCommand(AnsweringCommand):
             )
         return logs
 
-    def _question(self, experiment: Experiment, path: Path, start: float) -> LogQuestion:
+    def _question(self, experiment: Experiment, path: Path, start: float) -> PredictionQuestion:
         """Read a log, and the one of the noise.
 
         Raises:
@@ -118,7 +117,7 @@ class PredictCommand(AnsweringCommand):
 class _PredictQuestion(Question):
     """Does a log lie within the spread of the predicted runs?"""
 
-    def __init__(self, command: PredictCommand, path: Path, asked: LogQuestion) -> None:
+    def __init__(self, command: PredictCommand, path: Path, asked: PredictionQuestion) -> None:
         self.path = path
         self._command = command
         self._asked = asked

@@ -11,7 +11,7 @@ from grosmc_mj.simulation.disturbances import Table
 from grosmc_mj.simulation.loop import Loop
 from grosmc_mj.simulation.trajectory import Status
 from grosmc_mj.studies.margins.changes import DELAY, GAIN_UP, ChangeSearch
-from grosmc_mj.studies.margins.sensitivity import Place, RunningLoop
+from grosmc_mj.studies.margins.sensitivity import LoopPlace, RunningLoop
 from grosmc_mj.studies.sweep.search import run_searches
 
 # A pulse of one control period starts what may chatter [share of the input's size].
@@ -35,7 +35,7 @@ class Chatter:
     delay: float
 
 
-def is_quiet(loop: RunningLoop, place: Place, size: float, duration: float) -> bool:
+def is_quiet(loop: RunningLoop, place: LoopPlace, size: float, duration: float) -> bool:
     """Return whether the input rests after a small pulse, in each realization of the loop.
 
     Args:
@@ -57,7 +57,7 @@ def is_quiet(loop: RunningLoop, place: Place, size: float, duration: float) -> b
 def chatter(
     running: Callable[[Loop], RunningLoop],
     loop: Loop,
-    place: Place,
+    place: LoopPlace,
     size: float,
     duration: float,
 ) -> Chatter:

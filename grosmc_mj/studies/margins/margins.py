@@ -28,7 +28,7 @@ from grosmc_mj.studies.margins.row import LEVELS, SEED, LawMargins, Level
 from grosmc_mj.studies.margins.sensitivity import (
     LEAVES,
     REALIZATIONS,
-    Place,
+    LoopPlace,
     RunningLoop,
     measure_with_tests,
 )
@@ -167,7 +167,7 @@ class MarginStudy(Study[LawMargins]):
                 cells.append(cell)
         return cells
 
-    def places(self, setup: Setup) -> dict[Place, float]:
+    def places(self, setup: Setup) -> dict[LoopPlace, float]:
         """Return the largest injection at each place: inputs, then measured states.
 
         A measured state gets a share of its range in the nominal task under the first law.
@@ -178,7 +178,7 @@ class MarginStudy(Study[LawMargins]):
         case = setup.case
         plant = case.plant(setup.plant_name)
         allowed = [limit.number for limit in case.limits if limit.of_actuators]
-        largest: dict[Place, float] = {}
+        largest: dict[LoopPlace, float] = {}
         for signal, limit in zip(plant.system.inputs, case.input_limits(plant)[1], strict=True):
             bound = float(min([limit, *allowed]))
             if self.injection > bound:
@@ -186,8 +186,8 @@ class MarginStudy(Study[LawMargins]):
                     f"--injection {self.injection:g} {signal.unit} is beyond the limit of "
                     f"{signal.name}, {bound:g} {signal.unit}"
                 )
-            largest[Place(signal.name)] = self.injection or SHARE * bound
-            if math.isinf(largest[Place(signal.name)]):
+            largest[LoopPlace(signal.name)] = self.injection or SHARE * bound
+            if math.isinf(largest[LoopPlace(signal.name)]):
                 raise ArgumentError(
                     f"{case.path}: {signal.name} has no limit to size an injection by: give it "
                     "an [[actuator]] with a limit, or the command an --injection"
@@ -196,7 +196,7 @@ class MarginStudy(Study[LawMargins]):
         measured = [sensor.of for sensor in case.loop.sensors] if case.loop else []
         for state, size in zip(plant.system.states, _ranges(setup), strict=True):
             if size > 0 and (state.name in measured or not measured):
-                largest[Place(state.name, output=True)] = SHARE * size
+                largest[LoopPlace(state.name, output=True)] = SHARE * size
         return largest
 
     def configuration(self) -> dict[str, Any]:
@@ -230,7 +230,7 @@ def _ranges(setup: Setup) -> Array:
         try:
             loop = setup.running(law, setup.loop)
             nothing = [Injected((0.0,), loop.control_period)]
-            place = Place(loop.plant.system.inputs[0].name)
+            place = LoopPlace(loop.plant.system.inputs[0].name)
             started = replace(loop, x0=np.array(setup.nominal.x0))
             run = started.run(place, nothing, 0, setup.nominal.duration)
         except SetupError:
@@ -295,7 +295,7 @@ def _signals(
     studied: MarginStudy,
     setup: Setup,
     law: StudiedLaw,
-    places: Mapping[Place, float],
+    places: Mapping[LoopPlace, float],
     advance: Advance,
 ) -> dict[str, Any]:
     """Return where a law begins to chatter, and S at all places and amplitudes."""
@@ -330,7 +330,7 @@ def _require_in_region(row: LawMargins) -> None:
             )
 
 
-def _level(running: RunningLoop, place: Place, period: float, rms: float) -> Level:
+def _level(running: RunningLoop, place: LoopPlace, period: float, rms: float) -> Level:
     """S at a place at one amplitude."""
     measured, doubt = measure_with_tests(running, place, period, rms, SEED)
     system = running.plant.system

@@ -80,7 +80,7 @@ class RunningLoop:
 
     def run(
         self,
-        place: Place,
+        place: LoopPlace,
         tables: Sequence[Table],
         first: int,
         duration: float,
@@ -115,7 +115,7 @@ class RunningLoop:
         return steps.reshape(len(applied), periods, stride, -1).mean(axis=2)
 
 
-class Place(NamedTuple):
+class LoopPlace(NamedTuple):
     """Place of an injection.
 
     Attributes:
@@ -134,7 +134,7 @@ class Place(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Sensitivity:
+class LoopSensitivity:
     """S at a place of a loop: the response there to what is injected, and at the other places.
 
     Attributes:
@@ -262,13 +262,13 @@ class Sensitivity:
 
 def measure(
     loop: RunningLoop,
-    place: Place,
+    place: LoopPlace,
     signal: Multisine,
     rms: float,
     *,
     realizations: int = REALIZATIONS,
     seed: int = 0,
-) -> Sensitivity:
+) -> LoopSensitivity:
     """Measure S at a place of a running loop.
 
     What is injected is held over the control period, and the response is its mean over it; that of
@@ -311,12 +311,12 @@ def measure(
     shape = (len(measured), len(signal.lines), responses[0].shape[1])
     signals = loop.plant.system.states if place.output else loop.plant.system.inputs
     index = [signal.name for signal in signals].index(place.name)
-    return Sensitivity(
+    return LoopSensitivity(
         signal, rms, np.reshape(measured, shape), index, realizations - len(measured)
     )
 
 
-def _response(loop: RunningLoop, place: Place, run: Trajectory) -> Array:
+def _response(loop: RunningLoop, place: LoopPlace, run: Trajectory) -> Array:
     """Response of each run in each control period, (runs, periods, signals)."""
     if place.output:
         assert run.output_disturbance is not None
@@ -335,8 +335,8 @@ def _at_lines(signal: Multisine, injected: Array, response: Array) -> NDArray[np
 
 
 def measure_with_tests(
-    loop: RunningLoop, place: Place, period: float, rms: float, seed: int = 0
-) -> tuple[Sensitivity, str]:
+    loop: RunningLoop, place: LoopPlace, period: float, rms: float, seed: int = 0
+) -> tuple[LoopSensitivity, str]:
     """Measure S, for a longer period if the loop is slow, and again with half the amplitude.
 
     Args:

@@ -25,7 +25,7 @@ from grosmc_mj.studies.margins.chatter import Chatter
 from grosmc_mj.studies.margins.frequency_response import Margins, margins_of
 from grosmc_mj.studies.margins.margins import MarginStudy, law_margins, margin_study
 from grosmc_mj.studies.margins.row import LEVELS, LawMargins, Level
-from grosmc_mj.studies.margins.sensitivity import Place
+from grosmc_mj.studies.margins.sensitivity import LoopPlace
 from grosmc_mj.studies.study import CellRunner
 
 REQUIRED = 'requirement = [{ stays_within = "0.1 rad", after = "3 s" }]'
@@ -94,8 +94,8 @@ def test_a_system_is_studied_on_its_bench_and_its_machine() -> None:
 def test_an_input_gets_a_quarter_of_its_limit_and_a_state_a_quarter_of_its_range() -> None:
     """The servo steps by 1 rad; its encoder is the only sensor."""
     places = servo().places(servo().setups[1])
-    assert places[Place("current")] == 1.0
-    assert places[Place("rotor angle", output=True)] == pytest.approx(0.25, rel=0.05)
+    assert places[LoopPlace("current")] == 1.0
+    assert places[LoopPlace("rotor angle", output=True)] == pytest.approx(0.25, rel=0.05)
     assert len(places) == 2
 
 

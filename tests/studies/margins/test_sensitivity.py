@@ -24,7 +24,12 @@ from grosmc_mj.studies.margins.frequency_response import (
     scaled_norm,
 )
 from grosmc_mj.studies.margins.multisine import multisine
-from grosmc_mj.studies.margins.sensitivity import Place, RunningLoop, measure, measure_with_tests
+from grosmc_mj.studies.margins.sensitivity import (
+    LoopPlace,
+    RunningLoop,
+    measure,
+    measure_with_tests,
+)
 from grosmc_mj.studies.target import chosen_laws
 from grosmc_mj.theory.control.controller import Controller, Sampled
 from grosmc_mj.theory.control.memory import Memory, memory_of
@@ -139,8 +144,12 @@ def close(measured: float, expected: float, relative: float = PERCENT) -> bool:
     return measured == pytest.approx(expected, rel=relative)
 
 
-@pytest.mark.parametrize("place", [Place("u"), Place("x1", output=True)], ids=["input", "output"])
-def test_the_margins_of_a_third_order_loop_are_those_of_its_transfer_function(place: Place) -> None:
+@pytest.mark.parametrize(
+    "place", [LoopPlace("u"), LoopPlace("x1", output=True)], ids=["input", "output"]
+)
+def test_the_margins_of_a_third_order_loop_are_those_of_its_transfer_function(
+    place: LoopPlace,
+) -> None:
     margins = measure(third_order(unity), place, multisine(40, T), 1.0, realizations=2).margins
     assert close(margins.gain_up, 3.582)
     assert close(margins.phase, 29.06)
@@ -151,7 +160,7 @@ def test_the_margins_of_a_third_order_loop_are_those_of_its_transfer_function(pl
 def test_the_sensitivity_at_the_lines_is_that_of_the_sampled_plant() -> None:
     """Held over the control period, an injection leaves no error of sampling."""
     loop = third_order(unity)
-    measured = measure(loop, Place("u"), multisine(80, T), 1.0, realizations=1)
+    measured = measure(loop, LoopPlace("u"), multisine(80, T), 1.0, realizations=1)
     frequency = measured.multisine.frequencies
     sampled = control.c2d(control.ss(THIRD_ORDER), T)
     expected = 1 / (1 + sampled(np.exp(2j * np.pi * frequency * T)))
@@ -160,7 +169,7 @@ def test_the_sensitivity_at_the_lines_is_that_of_the_sampled_plant() -> None:
 
 def test_the_margins_of_the_servo_with_lqr_and_20_ms() -> None:
     loop = bench("servo", "lqr", 0.02)
-    margins = measure(loop, Place("current"), multisine(10, T), 1e-3, realizations=2).margins
+    margins = measure(loop, LoopPlace("current"), multisine(10, T), 1e-3, realizations=2).margins
     theory, disk = exact(loop, 0.02)
     assert close(margins.gain_up, 6.153)
     assert close(margins.phase, 71.83)
@@ -173,7 +182,7 @@ def test_the_margins_of_the_servo_with_lqr_and_20_ms() -> None:
 
 def test_the_margins_of_the_pendulum_with_lqr_and_2_ms() -> None:
     loop = bench("cart_pendulum", "lqr", 0.002)
-    margins = measure(loop, Place("force"), multisine(10, T), 1e-3, realizations=2).margins
+    margins = measure(loop, LoopPlace("force"), multisine(10, T), 1e-3, realizations=2).margins
     theory, disk = exact(loop, 0.002)
     assert close(margins.gain_up, 68.92)
     assert close(margins.phase, 60.50)
@@ -212,7 +221,7 @@ def test_the_margins_of_a_loop_that_is_worst_for_slow_signals_are_those_at_zero(
     period: float,
 ) -> None:
     """1/|S(0)| = 0.4324: at the lowest line of 10 s it is still 0.65."""
-    measured, doubt = measure_with_tests(unstable(), Place("u"), period, 0.1)
+    measured, doubt = measure_with_tests(unstable(), LoopPlace("u"), period, 0.1)
     margins = measured.margins
     assert not doubt
     assert margins.modulus == pytest.approx(0.4324, rel=2e-3)
@@ -243,7 +252,7 @@ def test_the_errors_contain_the_margins_whose_frequency_lies_between_the_lines(
 def test_one_loop_of_the_satellite_has_a_disk_margin_of_2_and_both_have_a_tenth() -> None:
     loop = satellite()
     signal = multisine(80, T)
-    single = [measure(loop, Place(name), signal, 0.1, realizations=1) for name in ("u1", "u2")]
+    single = [measure(loop, LoopPlace(name), signal, 0.1, realizations=1) for name in ("u1", "u2")]
     assert close(single[0].margins.disk, 2.0)
     assert close(single[1].margins.disk, 2.0)
     matrix = np.stack([sensitivity.column for sensitivity in single], axis=2)
@@ -285,8 +294,8 @@ def test_the_implicit_law_takes_off_the_last_disturbance_in_the_loop_of_its_nomi
 ) -> None:
     """u[k] = u0[k] - w[k-1], so w - w[k-1] is left in the nominal loop: S = (1 - 1/z) S0."""
     signal = multisine(10, T)
-    with_it = measure(bench(system, "implicit"), Place(place), signal, 1e-3, realizations=1)
-    without = measure(bench(system, nominal), Place(place), signal, 1e-3, realizations=1)
+    with_it = measure(bench(system, "implicit"), LoopPlace(place), signal, 1e-3, realizations=1)
+    without = measure(bench(system, nominal), LoopPlace(place), signal, 1e-3, realizations=1)
     z = np.exp(2j * np.pi * signal.frequencies * T)
     expected = (1 - 1 / z) * without.at_place[0]
     assert np.abs(with_it.at_place[0] / expected - 1).max() < PERCENT
@@ -295,7 +304,7 @@ def test_the_implicit_law_takes_off_the_last_disturbance_in_the_loop_of_its_nomi
 def test_the_implicit_law_answers_with_the_last_disturbance() -> None:
     """S is about 1 - 1/z: gain margin 2, phase margin 60 deg, one sample of delay, disk 2/3."""
     loop = bench("cart_pendulum", "implicit")
-    margins = measure(loop, Place("force"), multisine(4, T), 0.02, realizations=2).margins
+    margins = measure(loop, LoopPlace("force"), multisine(4, T), 0.02, realizations=2).margins
     assert close(margins.gain_up, 2.0)
     assert close(margins.phase, 60.0)
     assert close(margins.delay, T)
@@ -305,7 +314,7 @@ def test_the_implicit_law_answers_with_the_last_disturbance() -> None:
 def test_a_relay_answers_slow_signals_with_the_gain_of_its_locus() -> None:
     signal = multisine(80, T)
     loop = replace(third_order(relay), x0=np.array([0.1, 0.0, 0.0]))
-    measured = measure(loop, Place("u"), signal, 0.05, realizations=8)
+    measured = measure(loop, LoopPlace("u"), signal, 0.05, realizations=8)
     slow = signal.frequencies < 0.1
     L = 1 / measured.at_place.mean(axis=0) - 1
     plant = 25 / np.polyval([1, 10, 10, 10], 2j * np.pi * signal.frequencies)
@@ -325,15 +334,15 @@ def test_a_relay_swings_with_the_frequency_of_its_locus() -> None:
 
 def test_a_run_without_injection_is_subtracted_where_the_reference_moves() -> None:
     """Of a linear loop nothing is left of what moves it otherwise."""
-    still = measure(third_order(unity), Place("u"), multisine(10, T), 1.0, realizations=1)
+    still = measure(third_order(unity), LoopPlace("u"), multisine(10, T), 1.0, realizations=1)
     moved = replace(third_order(unity), x0=np.array([5.0, 1.0, -2.0]), moving=True)
-    measured = measure(moved, Place("u"), multisine(10, T), 1.0, realizations=1)
+    measured = measure(moved, LoopPlace("u"), multisine(10, T), 1.0, realizations=1)
     assert measured.at_place[0] == pytest.approx(still.at_place[0], rel=1e-3)
 
 
 def test_a_slow_loop_gets_a_longer_period() -> None:
     """Its crossover is at 0.284 Hz: six periods of it are 21 s."""
-    measured, doubt = measure_with_tests(third_order(unity), Place("u"), 8.0, 1.0)
+    measured, doubt = measure_with_tests(third_order(unity), LoopPlace("u"), 8.0, 1.0)
     assert measured.multisine.period == pytest.approx(32.0)
     assert not doubt
 
@@ -343,14 +352,14 @@ def test_an_amplitude_whose_half_gives_another_margin_is_not_trusted(
     rms: float, agrees: bool
 ) -> None:
     """A saturated loop is slower the larger its signals are."""
-    place = Place("x1", output=True)
+    place = LoopPlace("x1", output=True)
     _, doubt = measure_with_tests(third_order(saturated), place, 40.0, rms)
     assert bool(doubt) != agrees
     assert agrees or "half the amplitude gives" in doubt
 
 
 def test_realizations_of_a_linear_loop_do_not_differ() -> None:
-    measured = measure(third_order(unity), Place("u"), multisine(40, T), 1.0, realizations=3)
+    measured = measure(third_order(unity), LoopPlace("u"), multisine(40, T), 1.0, realizations=3)
     assert measured.deviation.max() < 1e-6
     assert not measured.doubt
     assert measured.standard_errors.disk < 1e-6
@@ -358,18 +367,18 @@ def test_realizations_of_a_linear_loop_do_not_differ() -> None:
 
 def test_a_relay_under_a_small_injection_is_not_trustworthy() -> None:
     loop = replace(third_order(relay), x0=np.array([0.1, 0.0, 0.0]))
-    measured = measure(loop, Place("u"), multisine(10, T), 1e-4, realizations=3)
+    measured = measure(loop, LoopPlace("u"), multisine(10, T), 1e-4, realizations=3)
     assert measured.doubt
 
 
 def test_a_period_that_is_shorter_than_six_of_the_crossover_is_not_trustworthy() -> None:
-    measured = measure(third_order(unity), Place("u"), multisine(5, T), 1.0, realizations=2)
+    measured = measure(third_order(unity), LoopPlace("u"), multisine(5, T), 1.0, realizations=2)
     assert measured.too_short
     assert "periods of the crossover" in measured.doubt
 
 
 def test_a_state_that_the_law_does_not_use_is_not_trustworthy() -> None:
-    place = Place("x2", output=True)
+    place = LoopPlace("x2", output=True)
     measured = measure(third_order(unity), place, multisine(10, T), 1.0, realizations=2)
     assert measured.doubt == "the law does not use it"
 

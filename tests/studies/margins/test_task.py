@@ -13,7 +13,7 @@ from grosmc_mj.output.results.verdicts import Verdict
 from grosmc_mj.simulation.loop import Actuator, Loop
 from grosmc_mj.studies.margins.changes import DELAY, GAIN_DOWN, GAIN_UP, ChangeSearch, changed
 from grosmc_mj.studies.margins.chatter import Chatter, chatter
-from grosmc_mj.studies.margins.sensitivity import Place, RunningLoop
+from grosmc_mj.studies.margins.sensitivity import LoopPlace, RunningLoop
 from grosmc_mj.studies.margins.task import AS_IS, task_margins
 from grosmc_mj.studies.sweep.search import run_searches
 from grosmc_mj.studies.target import Condition, StudiedLaw, chosen_laws, limits_in
@@ -155,12 +155,12 @@ def running(name: str, loop: Loop) -> RunningLoop:
 
 def test_the_implicit_law_begins_to_chatter_at_gain_2_and_a_sample_of_delay() -> None:
     """S = 1 - 1/z is stable up to there."""
-    found = chatter(lambda loop: running("implicit", loop), Loop(), Place("current"), 4.0, 4.0)
+    found = chatter(lambda loop: running("implicit", loop), Loop(), LoopPlace("current"), 4.0, 4.0)
     assert not found.at_rest
     assert found.gain == pytest.approx(2.0, rel=0.02)
     assert found.delay == pytest.approx(1e-3)
 
 
 def test_the_sign_law_chatters_at_rest() -> None:
-    found = chatter(lambda loop: running("sign", loop), Loop(), Place("current"), 4.0, 4.0)
+    found = chatter(lambda loop: running("sign", loop), Loop(), LoopPlace("current"), 4.0, 4.0)
     assert found == Chatter(True, 1.0, 0.0)
