@@ -32,7 +32,7 @@ class LawPolicy:
 
     def reset(self) -> None:
         """Forget the run so far."""
-        self._memory, self._kept_alive = self._controller.begin()
+        self._memory = self._controller.memory()
         self._last = np.nan
 
     def __call__(self, observation: Observation) -> Array:

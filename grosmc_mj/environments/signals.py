@@ -76,7 +76,7 @@ class Index:
     def __init__(self, law: Controller) -> None:
         self._p = law.parameters
         self._design = law.designed
-        self._memory, self._kept_alive = law.begin()
+        self._memory = law.memory()
         _, self._v = self._design.error.input_maps(linearizing=self._design.linearizing)
 
     def defined(self, x: Array) -> bool:

@@ -121,7 +121,7 @@ def _commands(applied: AppliedLoop, log: Log, start: Array) -> Array:
     law = applied.controller
     system = applied.system
     commands = np.zeros(log.inputs.shape)
-    memory, _workspace = law.begin()
+    memory = law.memory()
     x = np.zeros(len(system.states))
     loop = applied.begin_uncompiled(start, memory, np.zeros(len(x)), x)
     measured = loop.measured

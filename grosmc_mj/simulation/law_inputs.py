@@ -213,7 +213,7 @@ def require_answer(controller: Controller, x0: Array, m: int) -> None:
     Raises:
         LawError: As ``sample_law``, or if an input is not finite where the law is defined.
     """
-    memory, _workspace = controller.begin()
+    memory = controller.memory()
     u = np.zeros(m)
     with np.errstate(all="ignore"):
         finite = sample_law(controller, 0.0, np.array(x0, float), memory, u, strict=True)

@@ -99,7 +99,7 @@ def run_native(problem: Problem) -> Record:
 def _require_numbers(problem: Problem) -> None:
     """Refuse a law whose inputs are no numbers: compiled code would take a truth value for one."""
     controller = problem.controller
-    memory, _workspace = controller.begin()
+    memory = controller.memory()
     u = np.zeros(len(problem.system.inputs))
     sample_law(controller, 0.0, problem.x0[0].copy(), memory, u)
 
@@ -290,11 +290,9 @@ class _Worker:
     def __init__(self, batch: _Batch, steppers: Steppers) -> None:
         self._batch = batch
         self._steppers = steppers
-        # Controller of the last run, its memory as a run begins, and the workspace that its law
-        # computes in.
+        # Controller of the last run, and its memory as a run begins.
         self._controller: Controller | None = None
         self._memory: Any = None
-        self._workspace: Any = None
         self._steps_before_pause = _FIRST_STEPS
 
     def work(self) -> None:
@@ -315,9 +313,8 @@ class _Worker:
     def _memory_of_law(self, number: int) -> Array:
         """Memory of the law of a simulation as it begins, flat."""
         controller = self._batch.problem.controllers[number]
-        # A workspace has the state of a run, but each sample writes it before it reads it.
         if controller is not self._controller:
-            memory, self._workspace = controller.begin()
+            memory = controller.memory()
             self._controller = controller
             self._memory = pack(memory)
         return self._memory

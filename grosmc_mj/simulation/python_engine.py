@@ -77,7 +77,7 @@ class ClosedLoop(RunMemory):
             self.run = self.run._replace(keep=sys.maxsize)
 
         self.steps = 0
-        self.memory, self._workspace = self._controller.begin()
+        self.memory = self._controller.memory()
         self.accumulated = None
         if self._accumulator is not None:
             self.accumulated = deepcopy(self._accumulator.start)

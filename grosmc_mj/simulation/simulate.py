@@ -110,11 +110,7 @@ def _trajectory(problem: Problem, record: Record) -> Trajectory:
     columns = problem.columns
     held = {name: rows[:, 1:, place] for name, place in columns.items()}
     memory = held["memory"].view(problem.memory_dtype)[..., 0]
-    fields = memory.dtype.names or ()
-    if "workspace" in fields:
-        # An address, which means nothing after the run.
-        memory["workspace"] = 0.0
-
+    names = memory.dtype.names or ()
     time = np.arange(problem.steps + 1) * problem.timestep
     if not problem.record:
         time = time[[0, -1]]
@@ -131,7 +127,7 @@ def _trajectory(problem: Problem, record: Record) -> Trajectory:
         command=_squeezed(held["command"]),
         seen=held["seen"] if problem.looped else None,
         input=_squeezed(_applied(problem, output)),
-        sliding=_squeezed(memory["s"]) if "s" in fields else None,
+        sliding=_squeezed(memory["s"]) if "s" in names else None,
         weighed=_squeezed(memory["v"]),
         memory=memory,
         wrench=_if_disturbed(held["w"]),

@@ -33,8 +33,6 @@ class Status(Enum):
     UNDEFINED_INPUT = 4
 
 
-# Field of a law's memory that files do not have: an address.
-_NOT_SAVED = "workspace"
 # Signals with a row for each instant, and for each interval between two.
 _INSTANTS = ("state", "physics")
 _DISTURBANCES = ("wrench", "input_disturbance", "output_disturbance", "rate_disturbance")
@@ -203,10 +201,9 @@ class Trajectory:
             hidden = np.stack([state.of(self.physics) for state in self.unseen], axis=1)
             signals.append(("unseen", _labels(self.unseen), hidden))
         for field in self.memory.dtype.names or ():
-            if field != _NOT_SAVED:
-                name = f"memory {field}"
-                rows = self.memory[field]
-                signals.append((name, _numbered(name, "", rows), rows))
+            name = f"memory {field}"
+            rows = self.memory[field]
+            signals.append((name, _numbered(name, "", rows), rows))
         return [(name, labels, rows) for name, labels, rows in signals if rows is not None]
 
     def save(self, path: str | Path, *, sliding_unit: str = "") -> Path:

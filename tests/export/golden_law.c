@@ -47,7 +47,7 @@ static void transformation(const double *x, double out[2])
     out[1] = x[1];
 }
 
-/* [symbolic.py:88] */
+/* [symbolic.py:89] */
 static void error_state(const double *x, double *z)
 {
     double transformation1_[2];
@@ -116,7 +116,7 @@ static double size_of_GB(void)
     return p->size_of_GB;
 }
 
-/* The sign function as printed: -1, 0 or 1. [switching.py:123] */
+/* The sign function as printed: -1, 0 or 1. [switching.py:193] */
 static double sgn(double s)
 {
     if (s > 0.0) {
@@ -126,7 +126,7 @@ static double sgn(double s)
 }
 
 /* phi of the implicit Euler step s+ = s + h (-k s+ - rho sgn(s+)), in closed form.
-   [switching.py:131] */
+   [switching.py:201] */
 static double implicit(double s, double k, double rho, double h)
 {
     if (h == 0.0) {
@@ -138,14 +138,14 @@ static double implicit(double s, double k, double rho, double h)
 }
 
 /* Sign law by implicit Euler (Acary, Brogliato): phi moves only as the disturbance does.
-   [switching.py:178] */
+   [switching.py:248] */
 static void implicit_2(const double *s, double k, double rho, double *phi, struct law_in_c_memory
         *memory)
 {
     phi[0] = implicit(s[0], k, p->switching.gain * rho, memory->elapsed);
 }
 
-/* u = v, or v = u: input maps of a law of a linear model. [base.py:242] */
+/* u = v, or v = u: input maps of a law of a linear model. [base.py:226] */
 static void copy(const double *values, double *result)
 {
     result[0] = values[0];

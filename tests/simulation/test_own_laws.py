@@ -310,22 +310,10 @@ def test_an_integral_stands_still_at_the_limit_of_the_input() -> None:
 
 
 def two_memories() -> Any:
-    """Memories of two runs that start alike, with an address in each."""
+    """Memories of two runs that start alike."""
     law = with_pid(integral=0.25, past=np.ones(8))
-
-    def placed() -> Any:
-        memory = law.memory()
-        memory.workspace = 4711.0
-        return memory
-
-    held = Controller("pid", law.law, law.parameters, placed)
+    held = Controller("pid", law.law, law.parameters, law.memory)
     return gm.simulate(physics(), held, [[0.0, 1.0]] * 2, duration=0.01).memory
-
-
-def test_a_recorded_memory_holds_no_address() -> None:
-    """Or two runs of one robot would differ."""
-    first, _ = two_memories()
-    np.testing.assert_array_equal(first["workspace"], 0.0)
 
 
 def test_a_run_begins_with_its_own_memory() -> None:

@@ -75,10 +75,10 @@ def test_a_run_that_ends_in_its_first_step_is_written(ending: str, tmp_path: Pat
 
 
 @each_case
-def test_a_file_keeps_the_memory_without_addresses(case: str, tmp_path: Path) -> None:
+def test_a_file_keeps_the_memory(case: str, tmp_path: Path) -> None:
     written = result(case).trajectory.memory
     loaded = gm.load_trajectory(result(case).save(tmp_path / "run.parquet")).memory
-    kept = set(written.dtype.names or ()) - {"workspace"}
+    kept = set(written.dtype.names or ())
     assert set(loaded.dtype.names or ()) == kept
     for name in kept:
         np.testing.assert_array_equal(written[name], loaded[name])

@@ -49,7 +49,7 @@ def held(
     """
     error = controller.designed.error
     p = controller.parameters
-    memory, _workspace = controller.begin()
+    memory = controller.memory()
     x = error.rest(p)
     n = len(x)
 

@@ -21,7 +21,6 @@ from grosmc_mj.ground.fields import Is, Name, checked_call
 from grosmc_mj.theory.control.coordinates.base import (
     InputMap,
     OutputCoordinates,
-    Workspace,
     regulated_outputs,
 )
 from grosmc_mj.theory.control.coordinates.state import StateCoordinates
@@ -33,7 +32,7 @@ from grosmc_mj.theory.control.switching import SwitchingTerm
 # Fields of p that every law gets.
 _OF_THE_NOMINAL_PLANT = ("plant", "reference", "period")
 # Fields of memory that belong to the engines, or mean the chapter's sliding variable.
-_OF_THE_RUN = ("v", "undefined", "workspace", "begun", "s")
+_OF_THE_RUN = ("v", "undefined", "begun", "s")
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,16 +178,6 @@ class Controller:
         if self.design is not None and self.design.numbers_at is not None:
             numbers = self.design.numbers_at(control_period)
         return replace(self, parameters=replace(p, period=control_period, **numbers))
-
-    def begin(self) -> tuple[Memory, Workspace | None]:
-        """Return the memory of a new run, and a workspace that must live as long as the run."""
-        memory = self.memory()
-        workspace = None
-        if self.design is not None:
-            workspace = self.design.error.workspace(self.parameters)
-        if workspace is not None:
-            memory.workspace = workspace.address
-        return memory, workspace
 
 
 @checked_call

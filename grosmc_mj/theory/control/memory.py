@@ -34,13 +34,11 @@ class Memory:
             unit of the input or of the output's highest derivative; a number or, for m inputs,
             (m,).
         undefined: 1 once the law has met a state where it is not defined, else 0.
-        workspace: Address of the arrays that the feedback of this run computes in; 0 for none.
         begun: 0 at the law's first sample, 1 afterwards; whoever calls the law sets it.
     """
 
     v: Any = 0.0
     undefined: float = 0.0
-    workspace: float = 0.0
     begun: float = 0.0
 
 

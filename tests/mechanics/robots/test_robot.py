@@ -218,7 +218,7 @@ def test_computed_torque_gives_the_acceleration_that_it_is_computed_for(x: Array
     law = linearized_lqr(tree_task())
     error = law.coordinates
     p = law.parameters
-    memory, _workspace = law.begin()
+    memory = law.memory()
     u = np.atleast_1d(law.input_at(0.3, x, memory))
 
     z = np.array(error.error_state(0.3, x, p))
@@ -308,7 +308,7 @@ def test_the_design_model_moves_by_mujocos_accelerations(x: Array) -> None:
     u = np.array([0.4, -0.3, 0.2])
     task = replace(tree_task(), error=replace(tree_task().error, sign=-1))
     law = computed_torque_pd(task, 9.0, 6.0)
-    memory, _workspace = law.begin()
+    memory = law.memory()
     model = design_model(law, "this test")
     moved = x.copy()
     model.advance(0.3, moved, u, h, memory, law.parameters, model.own)

@@ -91,7 +91,7 @@ def test_the_software_needs_measurements_and_its_own_outputs_only(
     script = scripted(u, STRIDE * H, modelled=True)
     periods = {"control_period": STRIDE * H, "timestep": H}
     applied = apply_loop(loop, script, SERVO, predict=predict, **periods)
-    memory, _workspace = applied.controller.begin()
+    memory = applied.controller.memory()
     alone = applied.begin_uncompiled(np.array(X0), memory, np.zeros(2), np.zeros(2)).software
     for k, measured in enumerate(measurements(run.state[:, 0], period)):
         timestep = int(measured.clock[0])

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,15 +26,6 @@ from grosmc_mj.theory.plants import AnalyticPlant, Plant, System
 StateMap = Callable[[float, Any, Any, Any], None]
 # Jitable (t, x, v, memory, p, u) or (t, x, u, memory, p, v): write the last, both (m,).
 InputMap = Callable[[float, Any, Any, Any, Any, Any], None]
-
-
-class Workspace(Protocol):
-    """Workspace of the feedback of one run; it must live as long as the run."""
-
-    @property
-    def address(self) -> float:
-        """Address in memory, which a float64 holds exactly."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,14 +221,6 @@ class Coordinates(ABC):
     @abstractmethod
     def reference_along(self, time: ArrayLike, parameters: Any) -> Array:
         """Reference values of z at the instants (N,), (N, size)."""
-
-    def workspace(self, p: Any) -> Workspace | None:
-        """Workspace of the feedback of one run, for ``memory.workspace``; None for none.
-
-        Args:
-            p: The law's parameters.
-        """
-        return None
 
 
 @jitable
