@@ -44,13 +44,13 @@ class Expression:
 
 
 @dataclass(frozen=True)
-class Constant(Expression):
+class ConstantValue(Expression):
     """A number in base units."""
 
     value: float
 
     @classmethod
-    def of(cls, value: float, unit: str = "") -> Constant:
+    def of(cls, value: float, unit: str = "") -> ConstantValue:
         """Return a number with a unit."""
         if value == 0 and not unit:
             return cls(None, 0.0)

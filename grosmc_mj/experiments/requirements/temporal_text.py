@@ -10,7 +10,7 @@ import numpy as np
 from grosmc_mj.experiments.requirements.expressions import (
     FUNCTIONS,
     Applied,
-    Constant,
+    ConstantValue,
     Expression,
     SignalValue,
     applied,
@@ -123,7 +123,7 @@ class _Meaning:
         """Return a tree that must be a quantity."""
         match node:
             case Node(kind="number"):
-                return Constant.of(float(node.text), node.unit)
+                return ConstantValue.of(float(node.text), node.unit)
             case Node(kind="name", text=name):
                 return SignalValue(Unit.of(self._units[name]), name)
             case Node(kind="prefix", text="-", parts=(part,)):
@@ -161,7 +161,7 @@ def _comparisons(quantities: list[Expression], signs: list[str]) -> Formula:
 def _time(node: Node) -> float:
     """Return a time [s]."""
     if node.kind == "number":
-        number = Constant.of(float(node.text), node.unit)
+        number = ConstantValue.of(float(node.text), node.unit)
         if str(number.unit or "s") == "s":
             return number.value
     raise ArgumentError("has an interval that is none of times, such as [0 s, 50 ms]")

@@ -48,7 +48,7 @@ _REMARK_SIZE = 8
 _TITLE_SHARE = 0.85
 # Width of a legend's line and of the space around its label, in letters.
 _HANDLE = 7
-_MOST_COLUMNS = 4
+_MOST_COLUMNS = 3
 # Letters in a line of a column's name.
 COLUMN_NAME = 12
 _NOTE_INK = "#444444"
