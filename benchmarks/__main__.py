@@ -22,8 +22,10 @@ from benchmarks.tables import (
     scalings_table,
     tables_text,
     throughput_table,
+    tuning_table,
 )
 from benchmarks.timing import Throughput
+from benchmarks.tuning import benchmark_tuning
 from grosmc_mj.cli import screen
 from grosmc_mj.ground.errors import GrosmcError
 from grosmc_mj.mechanics.physics.mujoco_plant import Integrator
@@ -85,9 +87,19 @@ def growth(rounds: int | None) -> Part:
     return Part(sentence, [growth_table(rows)])
 
 
+def tuning(rounds: int | None) -> Part:
+    """A search for the numbers of LQR on the servo's machine, beside a plain batch of its runs."""
+    found = benchmark_tuning(rounds or 3)
+    sentence = (
+        f"Tuning: {found.beside_batch:.2f} of the runs a second of a plain batch; with racing "
+        f"{found.raced:.2f} of the runs of its designs."
+    )
+    return Part(sentence, [tuning_table(found)])
+
+
 # Campaigns first, for the memory that they report.
 PARTS: dict[str, Callable[[int | None], Part]] = {
-    function.__name__: function for function in (campaign, loops, robots, machines, growth)
+    function.__name__: function for function in (campaign, loops, robots, machines, growth, tuning)
 }
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from benchmarks.campaigns import Cost, Scaling
 from benchmarks.growth import Growth
 from benchmarks.timing import Ratio, Throughput
+from benchmarks.tuning import Tuning
 from grosmc_mj.ground.versions import DECISIVE, versions
 from grosmc_mj.output.results.document import origin
 from grosmc_mj.output.results.tables import Table, numbers, table, words
@@ -49,6 +50,15 @@ def scalings_table(found: Sequence[Scaling]) -> Table:
         "Worker processes of one thread each",
         numbers("workers", "runs a second", "efficiency"),
         [(str(row.workers), f"{row.rate:.1f}", f"{row.efficiency:.2f}") for row in found],
+    )
+
+
+def tuning_table(found: Tuning) -> Table:
+    """Cost of a search for numbers."""
+    return table(
+        "Tuning LQR on servo/machine, four draws of a design",
+        numbers("runs", "runs a second", "beside a plain batch", "runs with racing, over all"),
+        [(str(found.runs), f"{found.rate:.1f}", f"{found.beside_batch:.2f}", f"{found.raced:.2f}")],
     )
 
 

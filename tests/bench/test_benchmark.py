@@ -23,6 +23,7 @@ from benchmarks.loops import benchmark
 from benchmarks.machines import benchmark_machines
 from benchmarks.tables import tables_text, throughput_table
 from benchmarks.timing import Ratio, Throughput, TimedLoop
+from benchmarks.tuning import benchmark_tuning
 from grosmc_mj.theory.plants import SYSTEMS
 
 
@@ -200,3 +201,12 @@ def test_the_estimate_is_of_second_order(switching_run: SwitchingRun) -> None:
 
 def test_nominally_the_implicit_law_costs_the_optimum(switching_run: SwitchingRun) -> None:
     assert ["servo/nominal", "implicit", "1"] in switching_run.first_and_last(2)
+
+
+@pytest.mark.slow
+def test_a_search_that_races_makes_fewer_runs_than_its_designs_have(monkeypatch: Patch) -> None:
+    monkeypatch.setattr("benchmarks.tuning._TARGET", "servo/bench")
+    monkeypatch.setattr("benchmarks.tuning._RUNS", 96)
+    found = benchmark_tuning(rounds=1)
+    assert 0 < found.raced < 1
+    assert found.beside_batch > 0
