@@ -303,6 +303,7 @@ COMMANDS = (
     "report OUT CASE --verbose -o OUT/report.html",
     "diff OUT CASE --out OUT --verbose",
     "study tolerance servo/case9 --laws lqr nothing --draws 0 --out OUT",
+    "tune servo/case9 --law lqr --number laws.lqr.Q[1]=1e5..1 --runs 0 --plants -1 --out OUT",
 )
 _WORDS = (
     "",

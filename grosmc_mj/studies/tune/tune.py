@@ -410,12 +410,18 @@ def tune_study(
     asked = _conditions(experiment, conditions, draws)
     if plants:
         asked.append(_uncertain_plants(experiment, plants, seed))
+    if seed < 0:
+        raise ArgumentError(f"--seed {seed} must be 0 at least")
     least = sum(item.draws for item in asked)
     if runs < least:
         raise ArgumentError(f"--runs {runs} must be {least} at least, those of one design")
+    tunable = tunable_laws(experiment, laws, numbers)
+    for law in tunable:
+        # A law of which no run can judge anything is refused before all work.
+        Measure(law, asked)
     return TuneStudy(
         experiment=experiment,
-        laws=tunable_laws(experiment, laws, numbers),
+        laws=tunable,
         conditions=asked,
         runs=runs,
         draws=draws,

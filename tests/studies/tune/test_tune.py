@@ -51,7 +51,7 @@ def test_the_best_of_a_dense_grid_is_found(tmp_path: Path, plant: str, seed: int
     path = write_block(tmp_path) if plant == "block" else write_case(tmp_path, LAG)
     numbers = BLOCK_NUMBERS if plant == "block" else LAG_NUMBERS
     study = tune_study(str(path), ["mine"], numbers, conditions=["nominal"], runs=300, seed=seed)
-    _, shares = gridded(study, 41)
+    _, shares = gridded(study, 31)
     # No better point is in so small a part of the grid that luck would do.
     assert np.mean(shares < 1) < 0.07
 
@@ -61,12 +61,12 @@ def test_the_best_of_a_dense_grid_is_found(tmp_path: Path, plant: str, seed: int
 
 @pytest.mark.slow
 def test_the_block_settles_no_sooner_than_bang_bang(tmp_path: Path):
-    """At most 1.5 N move 1 kg by 0.98 m, the edge of the band, in 2 sqrt(0.98/1.5) s at best."""
+    """At most 1.5 N move 1 kg by 0.98 m, the edge of the band, in sqrt(2 0.98/1.5) s at best."""
     study = tune_study(str(write_block(tmp_path)), ["mine"], BLOCK_NUMBERS, runs=120)
     row = tuned(replace(study, target_share=1e-3), tmp_path / "pieces")
     (after,) = row.after
     fastest = math.sqrt(2 * 0.98 / 1.5)
-    assert fastest <= 3.0 * after.shares["settles_within"] <= 1.5
+    assert fastest <= 3.0 * after.shares["settles_within"] <= 1.6
 
 
 def test_what_no_numbers_keep_is_not_found(tmp_path: Path):
@@ -270,6 +270,7 @@ def test_wrong_numbers_are_refused_in_a_line(tmp_path: Path, name: str):
     [
         ({"conditions": ["case7"]}, "unknown condition 'case7'"),
         ({"runs": 0}, "--runs 0 must be 1 at least"),
+        ({"seed": -1}, "--seed -1 must be 0 at least"),
     ],
 )
 def test_wrong_options_are_refused_in_a_line(
@@ -277,6 +278,13 @@ def test_wrong_options_are_refused_in_a_line(
 ):
     with pytest.raises(ArgumentError, match=line):
         tune_study(str(write_block(tmp_path)), ["mine"], BLOCK_NUMBERS, **options)  # pyright: ignore[reportArgumentType]
+
+
+def test_requirements_that_no_run_can_judge_are_refused(tmp_path: Path):
+    text = write_block(tmp_path).read_text().replace("overshoot_below = 0.02\n", "")
+    path = write_case(tmp_path, text.replace('"3 s"', '"5.9 s"'))
+    with pytest.raises(ArgumentError, match=r"no requirement of .* can be judged by a run under"):
+        tune_study(str(path), ["mine"], BLOCK_NUMBERS, runs=12)
 
 
 def test_a_law_that_cannot_be_designed_in_its_ranges_is_refused(tmp_path: Path):
