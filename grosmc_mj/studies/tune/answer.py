@@ -129,13 +129,10 @@ def _answer(study: TuneStudy, row: TunedLaw) -> Answer:
     more = ""
     if not row.complete:
         verdict = OPEN
-        answer = f"{row.law}: so far {bound.words} uses {number(row.share)} of its limit, {runs}"
+        answer = f"{row.law}: so far {_nearest(bound)}, {runs}"
     elif not row.found:
         verdict = NOT_KEPT
-        answer = (
-            f"None found for {row.law} in {runs}; nearest: {bound.words} "
-            f"{_times(row.share)} its limit"
-        )
+        answer = f"None found for {row.law} in {runs}; nearest: {_nearest(bound)}"
         found = conflict(row)
         if found is not None:
             more = f"{row.law}: {found.words}."
@@ -157,11 +154,11 @@ def _answer(study: TuneStudy, row: TunedLaw) -> Answer:
     )
 
 
-def _times(share: float) -> str:
-    """A share above 1 in words."""
-    if share > 1e6:
-        return "never reaches"
-    return f"{number(share)} times"
+def _nearest(bound: Binding) -> str:
+    """The tightest requirement of a design, with its share, in words."""
+    if math.isinf(bound.share):
+        return f"{bound.words} is never reached"
+    return f"{bound.words} {number(bound.share)} times its limit"
 
 
 def _range_notes(row: TunedLaw) -> Iterator[str]:
@@ -267,27 +264,32 @@ def _over_search(row: TunedLaw) -> LineChart:
 
 def _number_map(row: TunedLaw) -> LineChart:
     """Designs over the two numbers that matter most, kept and not kept."""
-    designs = [design for design in row.designs if design.complete and not design.refused]
+    # Of a design that lost a race it is known that it is not kept if its share is above 1.
+    designs = [design for design in row.designs if design.complete or design.value > 0]
+    designs = [design for design in designs if not design.refused]
     points = np.array([design.point for design in designs])
     values = np.array([design.value for design in designs])
-    first, second = _influential(points, values)
+    complete = np.array([design.complete for design in designs])
+    first, second = _influential(points[complete], values[complete])
 
     x = [row.numbers[first].value(coordinate) for coordinate in points[:, first].tolist()]
     y: list[Any]
-    y = [row.numbers[second].value(coordinate) for coordinate in points[:, second].tolist()]
-    titles = (_axis(row.numbers[first]), _axis(row.numbers[second]))
     if first == second:
         y = [finite(share) for share in np.exp(np.minimum(values, 50.0)).tolist()]
-        titles = (titles[0], "share of the tightest limit")
+        y_title = "share of the tightest limit"
+    else:
+        y = [row.numbers[second].value(coordinate) for coordinate in points[:, second].tolist()]
+        y_title = _axis(row.numbers[second])
     good = values <= 0
     lines = [
         Series(name=name, x=_at(x, where), y=_at(y, where), joined=False)
         for name, where in (("kept", good), ("not kept", ~good))
         if where.any()
     ]
-    best = row.numbers[first].after, row.numbers[second].after
     if first != second:
+        best = row.numbers[first].after, row.numbers[second].after
         lines.append(Series(name="best", x=[best[0]], y=[best[1]], joined=False))
+    titles = (_axis(row.numbers[first]), y_title)
     return LineChart(name=f"{row.law}: designs tried", titles=titles, lines=lines)
 
 
