@@ -50,7 +50,11 @@ def tunable_laws(
     Raises:
         ArgumentError: If there is no such law or number, or a range cannot be.
     """
-    studied = chosen_laws(experiment.changed(loop=None), names)
+    studied = [
+        # Requirements are asked of a law by its name: all its designs have one.
+        replace(law, controller=replace(law.controller, name=law.name))
+        for law in chosen_laws(experiment.changed(loop=None), names)
+    ]
     named = _Named.read(written, [law.name for law in studied])
     if named.of_case and len(studied) > 1:
         raise ArgumentError(

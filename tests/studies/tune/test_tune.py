@@ -17,6 +17,7 @@ from grosmc_mj import Experiment
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.studies.study import CellRunner
 from grosmc_mj.studies.tune.answer import binding, conflict, shares_of
+from grosmc_mj.studies.tune.numbers import start_of
 from grosmc_mj.studies.tune.shares import Measure, TriedDesign
 from grosmc_mj.studies.tune.tune import TUNED, TunedLaw, TuneStudy, tune_study
 
@@ -155,6 +156,18 @@ def test_draws_that_judge_are_none_that_were_tuned_on(tmp_path: Path):
     (after,) = row.after
     assert after.draws == 4
     assert after.draw >= 1000
+
+
+@pytest.mark.parametrize("law", ["lqr", "implicit", "super-twisting", "grosmc adaptive"])
+def test_the_share_of_the_first_design_is_that_of_the_law_in_the_file(tmp_path: Path, law: str):
+    study = tune_study("servo/bench", [law], conditions=["nominal"], runs=2, draws=2)
+    measure = Measure(study.laws[0], list(study.conditions))
+    first = start_of(study.laws[0].numbers)[None]
+    (design,) = measure.tried(first, np.array([np.inf])).designs
+    (verdict,) = measure.judged(study.laws[0].as_in_file, TUNED, 0, 2)
+    # Logarithms round: under switching a step of time may pass.
+    assert math.exp(design.value) == pytest.approx(verdict.share, rel=1e-3)
+    assert design.shares == {"nominal": pytest.approx(verdict.shares, rel=1e-3)}
 
 
 # -- what an input limit and a run that ends do ----------------------------------------------------
