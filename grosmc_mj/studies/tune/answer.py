@@ -41,8 +41,6 @@ LEGEND = (
 )
 # Share of a requirement's least share that counts as less, in parts of that at the best design.
 _NOTABLY_LESS = 0.9
-# Digits of a tuned number in a case file: its last percent decides nothing.
-_DIGITS = 6
 
 
 class Binding(NamedTuple):
@@ -356,12 +354,7 @@ def case_text(study: TuneStudy, rows: Sequence[TunedLaw]) -> str:
 
 def _table(law: TunableLaw, row: TunedLaw) -> Content:
     """Table of a tuned law."""
-    rounded = {name: _rounded(value) for name, value in row.values.items()}
-    return law.with_numbers(rounded).file.content["laws"][law.base]
-
-
-def _rounded(value: float) -> float:
-    return float(f"{value:.{_DIGITS}g}")
+    return law.with_numbers(row.values).file.content["laws"][law.base]
 
 
 def _write_of_case(
@@ -375,7 +368,7 @@ def _write_of_case(
         if owner not in content:
             # An array of tables is the file's own.
             content[owner] = deepcopy(experiment.file.content.get(owner, []))
-        tuned.number.write(content, _rounded(row.values[tuned.name]))
+        tuned.number.write(content, row.values[tuned.name])
 
 
 def _requirements(experiment: Experiment, laws: Sequence[TunableLaw]) -> Iterator[Content]:

@@ -17,6 +17,9 @@ from grosmc_mj.studies.target import StudiedLaw
 from grosmc_mj.studies.tune.search import Ranges
 from grosmc_mj.theory.control.controller import Controller
 
+# Digits of a tuned number in a case file: its last percent decides nothing.
+_DIGITS = 6
+
 
 @dataclass(frozen=True)
 class TunedNumber:
@@ -62,10 +65,18 @@ class TunedNumber:
         return self.sign * math.log10(size) if size > 0 else -self.sign * math.inf
 
     def value(self, coordinate: float) -> float:
-        """Return the value at a coordinate."""
+        """Return the value at a coordinate; at that of the file its value to the bit."""
+        if self.start is not None and coordinate == self.coordinate(self.start):
+            return self.start
         if not self.logarithmic:
             return coordinate
         return self.sign * 10.0 ** (self.sign * coordinate)
+
+    def rounded(self, value: float) -> float:
+        """Return a value as a case file has it; that of the file as it is."""
+        if value == self.start:
+            return value
+        return float(f"{value:.{_DIGITS}g}")
 
     def including_start(self) -> TunedNumber:
         """Return the number with a range that has the value of the file, too, if it can."""

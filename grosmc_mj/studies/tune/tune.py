@@ -329,7 +329,9 @@ class LawTuning:
             complete: Whether the search has ended, so that its best design is judged.
         """
         best = self.designs[self._best]
-        values = self._law.values_at(np.array(best.point))
+        found = self._law.values_at(np.array(best.point))
+        # Judged as the case file will have them.
+        values = {number.name: number.rounded(found[number.name]) for number in self._law.numbers}
         before: list[Verdict] = []
         after: list[Verdict] = []
         if complete:

@@ -165,9 +165,8 @@ def test_the_share_of_the_first_design_is_that_of_the_law_in_the_file(tmp_path: 
     first = start_of(study.laws[0].numbers)[None]
     (design,) = measure.tried(first, np.array([np.inf])).designs
     (verdict,) = measure.judged(study.laws[0].as_in_file, TUNED, 0, 2)
-    # Logarithms round: under switching a step of time may pass.
-    assert math.exp(design.value) == pytest.approx(verdict.share, rel=1e-3)
-    assert design.shares == {"nominal": pytest.approx(verdict.shares, rel=1e-3)}
+    assert math.exp(design.value) == pytest.approx(verdict.share)
+    assert design.shares == {"nominal": verdict.shares}
 
 
 # -- what an input limit and a run that ends do ----------------------------------------------------
