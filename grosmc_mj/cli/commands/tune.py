@@ -15,7 +15,8 @@ from grosmc_mj.cli.targets import result_name
 
 if TYPE_CHECKING:
     from grosmc_mj.output.results.result import Result
-    from grosmc_mj.studies.tune.tune import TunedLaw, TuneStudy
+    from grosmc_mj.studies.tune.row import TunedLaw
+    from grosmc_mj.studies.tune.tune import TuneStudy
 
 
 @command

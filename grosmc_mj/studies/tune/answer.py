@@ -33,8 +33,9 @@ from grosmc_mj.output.results.tables import Table, number, numbers, table, words
 from grosmc_mj.output.results.verdicts import Verdict, standings, values_of, worst_failed, worst_of
 from grosmc_mj.studies.matrix import conditions_document
 from grosmc_mj.studies.tune.numbers import TunableLaw
+from grosmc_mj.studies.tune.row import TUNED, TunedLaw, TunedNumberRow
 from grosmc_mj.studies.tune.shares import TriedDesign
-from grosmc_mj.studies.tune.tune import TUNED, TunedLaw, TunedNumberRow, TuneStudy
+from grosmc_mj.studies.tune.tune import TuneStudy
 
 LEGEND = (
     "Share: measured over allowed value, in the worst of the other draws; above 1 it is not kept."

@@ -3,47 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from pydantic import BaseModel
 
-from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, GrosmcError
 from grosmc_mj.output.results.verdicts import Unlimited, Verdict, over_draws
 from grosmc_mj.studies.sweep.runs import Outcomes, Row, run_rows
-from grosmc_mj.studies.target import Condition, limits_in
+from grosmc_mj.studies.target import limits_in
+from grosmc_mj.studies.tune.conditions import TuningCondition
 from grosmc_mj.studies.tune.numbers import Design, TunableLaw
 
 # Value of a design that cannot be made; no run comes near it.
 _REFUSED = 1e3
 # Least share that a value tells from none at all.
 _LEAST_SHARE = 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class TuningCondition:
-    """Condition that a law is tuned under: a plant with its loads, in its loop as built.
-
-    Attributes:
-        condition: Plant and loads, with loop and machine.
-        case: Function that returns the case of a draw, by its number.
-        draws: Draws that designs are tuned on; 1 where nothing is drawn.
-        drawn: Whether other draws are other runs.
-    """
-
-    condition: Condition
-    case: Callable[[int], Experiment]
-    draws: int
-    drawn: bool
-
-    @property
-    def name(self) -> str:
-        """Name of the condition."""
-        return self.condition.name
 
 
 class TriedDesign(BaseModel):

@@ -9,111 +9,25 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel
 
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.ground.errors import ArgumentError, placed
+from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.output.results.verdicts import Verdict
 from grosmc_mj.studies.pieces import Piece, PieceStore, Rows
 from grosmc_mj.studies.study import CellRunner, Study, StudyCell, dependencies
-from grosmc_mj.studies.sweep.draws import drawn_case, require_draws
-from grosmc_mj.studies.sweep.family import Family, family_of, random_points
-from grosmc_mj.studies.sweep.quantities import with_values
-from grosmc_mj.studies.target import MACHINE, Condition, case_for, conditions_of
+from grosmc_mj.studies.target import MACHINE, case_for
+from grosmc_mj.studies.tune.conditions import TuningCondition, tuning_conditions, uncertain_plants
 from grosmc_mj.studies.tune.laws import tunable_laws
 from grosmc_mj.studies.tune.numbers import TunableLaw, ranges_of, start_of
+from grosmc_mj.studies.tune.row import AS_IN_FILE, TUNED, TunedLaw, TunedNumberRow
 from grosmc_mj.studies.tune.search import Search
-from grosmc_mj.studies.tune.shares import Measure, TriedDesign, TriedDesigns, TuningCondition
+from grosmc_mj.studies.tune.shares import Measure, TriedDesign, TriedDesigns
 
 # Number of the first draw that designs are judged on; no search has so many.
 HELD_OUT = 1000
-# Steps of verdicts: the numbers of the file, and those that were found.
-AS_IN_FILE = "as in the file"
-TUNED = "tuned"
-# Name of the condition of random plants.
-PLANTS = "uncertain plants"
 # Share of the tightest limit at which a search ends.
 TARGET = 0.5
-
-
-class TunedNumberRow(BaseModel):
-    """Number of a law before and after.
-
-    Attributes:
-        path: Place in the law's table.
-        unit: Its unit.
-        before: Value in the file; None if the file has none.
-        after: Value of the best design.
-        low: Least value of its range, as far as it has grown.
-        high: Largest value.
-        grown: Whether the range has grown.
-        at_end: Whether the best design lies at an end of the range, which cannot grow.
-        logarithmic: Whether it was searched by its logarithm.
-    """
-
-    path: str
-    unit: str
-    before: float | None
-    after: float
-    low: float
-    high: float
-    grown: bool
-    at_end: bool
-    logarithmic: bool
-
-    def value(self, coordinate: float) -> float:
-        """Return the value at a coordinate of the search."""
-        if not self.logarithmic:
-            return coordinate
-        sign = math.copysign(1.0, self.after)
-        return sign * 10.0 ** (sign * coordinate)
-
-
-class TunedLaw(BaseModel):
-    """Row of a law.
-
-    Attributes:
-        law: Name of the law.
-        numbers: Its numbers.
-        share: Share of the tightest limit of the best design, on the draws it was tuned on.
-        history: Each best design when it was found: runs so far, and its share.
-        designs: Designs that were tried, in their order.
-        best: Index of the best one.
-        runs: Runs of the search.
-        unfailing: Conditions with requirements that no run can fail.
-        before: Verdicts on the numbers of the file on other draws, by condition.
-        after: Verdicts on the best design on these draws; none if the search was interrupted.
-        complete: False if the search was interrupted.
-    """
-
-    law: str
-    numbers: list[TunedNumberRow]
-    share: float
-    history: list[tuple[int, float]]
-    designs: list[TriedDesign]
-    best: int
-    runs: int
-    unfailing: list[tuple[str, str]] = []
-    before: list[Verdict] = []
-    after: list[Verdict] = []
-    complete: bool = True
-
-    @property
-    def found(self) -> bool:
-        """Whether all is kept on the draws that the law was tuned on."""
-        return self.share <= 1
-
-    @property
-    def kept(self) -> bool:
-        """Whether all is kept on the other draws, too."""
-        return self.found and bool(self.after) and all(row.kept for row in self.after)
-
-    @property
-    def values(self) -> dict[str, float]:
-        """The numbers of the best design, by path."""
-        return {number.path: number.after for number in self.numbers}
 
 
 @dataclass(frozen=True, eq=False)
@@ -409,9 +323,9 @@ def tune_study(
         ArgumentError: If there is no such target, law, number or condition, or nothing is required.
     """
     experiment = case_for(target, MACHINE)
-    asked = _conditions(experiment, conditions, draws)
+    asked = tuning_conditions(experiment, conditions, draws)
     if plants:
-        asked.append(_uncertain_plants(experiment, plants, seed))
+        asked.append(uncertain_plants(experiment, plants, seed))
     if seed < 0:
         raise ArgumentError(f"--seed {seed} must be 0 at least")
     least = sum(item.draws for item in asked)
@@ -430,57 +344,3 @@ def tune_study(
         held_out=held_out,
         seed=seed,
     )
-
-
-def _conditions(experiment: Experiment, names: Sequence[str], draws: int) -> list[TuningCondition]:
-    """Return the conditions of these names, all by default, in the loop and machine as built."""
-    parts = experiment.parts
-    edits = tuple(edit for edit in experiment.edits if edit not in parts)
-    conditions = {}
-    for bare in conditions_of(experiment.changed(loop=None, edits=edits)):
-        case = bare.experiment
-        built = case.changed(loop=experiment.loop, edits=(*case.edits, *parts))
-        conditions[bare.name] = Condition(bare.name, bare.title, built)
-
-    for name in names:
-        require_known("condition", name, conditions)
-    chosen = [conditions[name] for name in dict.fromkeys(names or conditions)]
-    return [_tuning_condition(condition, draws) for condition in chosen]
-
-
-def _tuning_condition(condition: Condition, draws: int) -> TuningCondition:
-    """Return a condition with the draws of its loop."""
-    loop = condition.experiment.loop
-    drawn = loop is not None and loop.drawn
-    return TuningCondition(
-        condition=condition,
-        case=partial(drawn_case, condition.experiment),
-        draws=draws if drawn else 1,
-        drawn=drawn,
-    )
-
-
-def _uncertain_plants(experiment: Experiment, plants: int, seed: int) -> TuningCondition:
-    """Return random plants of the family that a case declares, each with a draw of its own.
-
-    Raises:
-        ArgumentError: If it declares none.
-    """
-    require_draws(plants, "--plants")
-    with placed(f"{experiment.path}: --plants {plants}: "):
-        family = family_of(experiment.file, experiment)
-    condition = Condition(PLANTS, "random plants of [[uncertain]]", experiment)
-    return TuningCondition(
-        condition=condition,
-        case=partial(_random_plant, experiment, family, seed),
-        draws=plants,
-        drawn=True,
-    )
-
-
-def _random_plant(experiment: Experiment, family: Family, seed: int, number: int) -> Experiment:
-    """Return the case of a random plant, by its number."""
-    points = random_points(len(family.quantities), seed, number, 1)
-    (values,) = family.values(points).tolist()
-    case = with_values(experiment, zip(family.quantities, values, strict=True))
-    return drawn_case(case, number)

@@ -11,7 +11,9 @@ from grosmc_mj import Experiment
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.studies.study import CellRunner
 from grosmc_mj.studies.tune.answer import case_text
-from grosmc_mj.studies.tune.tune import PLANTS, TunedLaw, tune_study
+from grosmc_mj.studies.tune.conditions import PLANTS
+from grosmc_mj.studies.tune.row import TunedLaw
+from grosmc_mj.studies.tune.tune import tune_study
 
 NUMBERS = ("laws.mine.frequency=0.2..20", "laws.mine.damping=0.2..2")
 UNCERTAIN = '\n[[uncertain]]\nnumber = "edit.m.scale"\nvalues = [0.5, 2.0]\n'

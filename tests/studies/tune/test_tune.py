@@ -18,8 +18,9 @@ from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.studies.study import CellRunner
 from grosmc_mj.studies.tune.answer import binding, conflict, shares_of
 from grosmc_mj.studies.tune.numbers import start_of
+from grosmc_mj.studies.tune.row import TUNED, TunedLaw
 from grosmc_mj.studies.tune.shares import Measure, TriedDesign
-from grosmc_mj.studies.tune.tune import TUNED, TunedLaw, TuneStudy, tune_study
+from grosmc_mj.studies.tune.tune import TuneStudy, tune_study
 
 BLOCK_NUMBERS = ("laws.mine.frequency=0.2..20", "laws.mine.damping=0.2..2")
 LAG_NUMBERS = ("laws.mine.kp=0.1..10", "laws.mine.ki=0.05..10")
