@@ -257,7 +257,7 @@ def test_the_highest_rung_of_a_ladder_is_the_run_of_the_case(
     law = studied.laws[0]
     row = run_rung(studied, law, studied.climbing[-1], studied.conditions[0], together=True)
     (judgement,) = experiment.run(law="lqr").requirements
-    assert row.share_of_the_tightest_limit == pytest.approx((judgement.measured or 0.0) / 0.3)
+    assert row.share == pytest.approx((judgement.measured or 0.0) / 0.3)
 
 
 # In place of what the case has.

@@ -724,7 +724,10 @@ class Experiment:
         with placed(f"{self.path}: "), blamed(self.path.parent):
             # Compiled code does not say where a law fails, or that it does.
             require_answer(controller, np.array(self.x0), len(self.nominal.system.inputs))
-            return run_on(self, plant, controller, true, loop)
+            result = run_on(self, plant, controller, true, loop)
+            # A reference that has no value at some time of the run is refused here.
+            _ = result.metrics
+            return result
 
     def runs(self) -> Iterator[RunResult]:
         """Run every controller on every plant, one by one; raises as ``run`` does."""

@@ -198,7 +198,7 @@ def _parameters(plant: Plant) -> Iterator[tuple[str, str, Sequence[float], str]]
         bounds = range_of(type(parameters), name)
         if bounds is None:
             yield "equations", name, [value], ""
-        elif bounds.unit:
+        elif isinstance(bounds.unit, str) and bounds.unit:
             yield "equations", name, [value], bounds.unit
 
 

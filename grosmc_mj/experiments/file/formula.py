@@ -123,7 +123,7 @@ def formula(text: str, *symbols: sp.Symbol, steps: bool = False) -> sp.Expr:
         tree = grammar.read(text)
         return _Builder(names).part(tree, 0).exact
     except ArgumentError as error:
-        hint = ": a power is written **" if "'^'" in str(error) else ""
+        hint = ": a power is written **" if "^" in text else ""
         raise ArgumentError(f"{value_text(text)} {error}{hint}") from None
     except _NoFormulaError as error:
         raise ArgumentError(f"{value_text(text)} {error}") from None

@@ -22,7 +22,7 @@ from commands import run
 from conftest import Stored
 
 from grosmc_mj import cli
-from grosmc_mj.ground.executors import Batch
+from grosmc_mj.ground.executors.pools import InProcess
 from grosmc_mj.output.results.document import json_text
 from grosmc_mj.output.results.verdicts import Verdict, Verdicts, verdict_of
 from grosmc_mj.simulation.loop import Loop
@@ -609,7 +609,7 @@ def study_of_first_law(laws: list[str], folder: Path) -> Stored:
     """The command about these laws, with made-up tolerances."""
     with pytest.MonkeyPatch.context() as monkeypatch:
         monkeypatch.setattr(tolerance, "tolerances", answer_first_law)
-        monkeypatch.setattr(tolerance, "executor_for", lambda _: Batch())
+        monkeypatch.setattr(tolerance, "executor_for", lambda _: InProcess())
         with contextlib.redirect_stdout(io.StringIO()) as output:
             code = run("study", "tolerance", "arm", "--laws", *laws, "--out", folder)
     return Stored(code, output.getvalue(), folder)
@@ -656,7 +656,7 @@ def test_a_law_that_keeps_everything_under_no_condition_is_a_verdict(
         return rows_of(studied, None)
 
     monkeypatch.setattr(tolerance, "tolerances", never_kept)
-    monkeypatch.setattr(tolerance, "executor_for", lambda _: Batch())
+    monkeypatch.setattr(tolerance, "executor_for", lambda _: InProcess())
     assert run("study", "tolerance", "arm", "--laws", "lqr", "--out", tmp_path) == cli.DIFFERS
 
 
