@@ -647,7 +647,11 @@ class Experiment:
         content = deepcopy(self.file.content)
         places = {path: place_of(self.file.content, path) for path in numbers}
         for path, value in numbers.items():
-            places[path].write(content, in_units(value))
+            number = find_number(self, path, places[path]) if places[path].in_weight else None
+            if number is not None:
+                number.write(content, number.read(value))
+            else:
+                places[path].write(content, in_units(value))
         with placed(""):
             file = case_file_of(content, self.path)
 

@@ -241,9 +241,13 @@ def set_numbers(case: Case, values: Iterable[tuple[Number, float]]) -> Case:
         GrosmcError: If a value is out of its bounds.
     """
     experiment: Any = case
-    changes = []
+    changes: list[Change] = []
     for number, value in values:
-        changes += number.changes(experiment, value)
+        *inherited, change = number.changes(experiment, value)
+        # A weight becomes the table's own once: each of its entries stays.
+        made = [steps for steps, _ in changes]
+        changes += [other for other in inherited if other[0] not in made]
+        changes.append(change)
     return experiment._copy(changes)
 
 

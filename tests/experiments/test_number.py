@@ -4,6 +4,7 @@ from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import grosmc_mj as gm
@@ -386,3 +387,12 @@ def test_a_former_uncertain_number_is_refused_with_its_path(
         load(tmp_path, f"{SERVO}[[uncertain]]\n{lines}\n")
     assert words in str(refusal.value)
     assert "\n" not in str(refusal.value)
+
+
+def test_two_entries_of_a_weight_that_a_law_inherits_are_both_set() -> None:
+    experiment = Experiment.load("servo/nominal")
+    entries = [Number.of(experiment, f"laws.lqr.Q[{entry}]") for entry in (1, 2)]
+    by_numbers = set_numbers(experiment, zip(entries, (5.0, 7.0), strict=True))
+    by_paths = experiment.changed({"laws.lqr.Q[1]": 5.0, "laws.lqr.Q[2]": 7.0})
+    for changed in (by_numbers, by_paths):
+        assert np.array_equal(changed.law("physics", "lqr").designed.lqr.Q, np.diag([5.0, 7.0]))

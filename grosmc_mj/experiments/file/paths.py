@@ -74,6 +74,11 @@ class Place:
         """Key of the value; of an item of a list that of the list."""
         return [key for key in self.keys if isinstance(key, str)][-1]
 
+    @property
+    def in_weight(self) -> bool:
+        """Whether it is an entry of Q or R, which a table may inherit as a whole."""
+        return len(self.keys) > 1 and self.keys[-2] in ("Q", "R")
+
     def table(self, content: Content) -> Content:
         """Return the table in a content, which is added if it is not there."""
         if self.row is not None:
