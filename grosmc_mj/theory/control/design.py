@@ -72,14 +72,14 @@ Damping = Annotated[
 def linear_lqr(task: Task) -> Controller:
     """LQR (5) on the plant's linearization."""
     optimum = task.optimum(linearizing=False)
-    return _feedback("lqr", task, optimum, "eqs. (5)-(6)")
+    return state_feedback("lqr", task, optimum, "eqs. (5)-(6)")
 
 
 @checked_call
 def linearized_lqr(task: Task, name: Name = "fl-lqr") -> Controller:
     """Feedback linearization with LQR only, eqs. (23)+(28) and (44)+(49)."""
     optimum = task.optimum(linearizing=True)
-    return _feedback(name, task, optimum, "eqs. (23)+(28), (44)+(49)", linearizing=True)
+    return state_feedback(name, task, optimum, "eqs. (23)+(28), (44)+(49)", linearizing=True)
 
 
 @checked_call
@@ -111,7 +111,7 @@ def computed_torque_pd(
     gains_of_output = [[frequency**2, 2 * damping * frequency]]
     K = np.kron(np.eye(task.error.inputs), gains_of_output)
     nominal = design_of_gain(chains.A, chains.B, task.Q, task.R, K)
-    return _feedback(
+    return state_feedback(
         "pd",
         task,
         nominal,
@@ -262,7 +262,7 @@ def realized(
     )
 
 
-def _feedback(
+def state_feedback(
     name: str,
     task: Task,
     optimum: LqrDesign,
@@ -271,7 +271,16 @@ def _feedback(
     linearizing: bool = False,
     follows_optimum: bool = True,
 ) -> Controller:
-    """Controller without switching, judged against this optimum."""
+    """Linear feedback u = -K z, or v = -K z, with the gain of a design.
+
+    Args:
+        name: Name of the law.
+        task: The task.
+        optimum: Design with the gain, whose nominal trajectory its runs are compared with.
+        source: Source of the law in the literature.
+        linearizing: Whether through feedback linearization.
+        follows_optimum: Whether that trajectory is optimal for the weights.
+    """
     design = Design(
         task.error,
         optimum,
