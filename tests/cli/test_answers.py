@@ -9,6 +9,7 @@ import tempfile
 from functools import cache
 from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 
 import pytest
 from case_texts import SERVO
@@ -18,7 +19,7 @@ from rich.cells import cell_len
 from grosmc_mj import cli
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
-from grosmc_mj.cli.commands import CLAIMS, COMMANDS, STUDIES, Entry
+from grosmc_mj.cli.commands import CLAIMS, COMMANDS, STUDIES, Entry, study
 from grosmc_mj.cli.program import parse
 from grosmc_mj.cli.targets import recorded_experiments, result_name, shown_experiment
 from grosmc_mj.experiments.file.shipped import campaign_files, shipped_files
@@ -209,6 +210,13 @@ def test_commands_stand_in_the_order_of_their_use() -> None:
     assert list(COMMANDS) == [*first.split(), *second.split()]
 
 
+def test_every_module_of_a_study_is_a_command_that_asks_a_question() -> None:
+    modules = {module.name for module in iter_modules(study.__path__)}
+    assert {*STUDIES} == modules
+    for entry in STUDIES.values():
+        assert entry.summary.endswith("?")
+
+
 @pytest.mark.parametrize("command", all_commands())
 def test_every_command_has_a_summary(command: type[Command]) -> None:
     summary = (command.__doc__ or "").partition("\n")[0]
@@ -226,7 +234,7 @@ def test_every_command_takes_verbose(command: type[Command]) -> None:
         ("", f"Usage: grosmc-mj {' '.join(COMMANDS)}"),
         ("validate", "TARGETS SYSTEM --verbose --out"),
         ("film", "FILE.toml --laws --camera --size --from -o"),
-        ("study", "region tolerance ladder margins disturbance"),
+        ("study", "disturbance ladder margins region tolerance"),
     ],
 )
 def test_help_names_the_options(arguments: str, words: str, capsys: Screen) -> None:

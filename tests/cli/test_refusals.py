@@ -58,7 +58,7 @@ REFUSALS = [
     ("export servo/case1 --law lqr --loop", "--loop: the case has no loop"),
     (
         "study switching",
-        "unknown command 'switching': valid: region, tolerance, ladder, margins, disturbance",
+        "unknown command 'switching': valid: disturbance, ladder, margins, region, tolerance",
     ),
     ("campaign servo --case-file small.toml", "--case-file is for --plant only"),
     ("campaign out --plant 3 --runs 7", "--runs is not for --plant"),
@@ -75,7 +75,7 @@ REFUSALS = [
     ("study region servo --limits 1 x", "--limits"),
     (
         "study",
-        "missing: one of region, tolerance, ladder, margins, disturbance; for help: grosmc-mj",
+        "missing: one of disturbance, ladder, margins, region, tolerance; for help: grosmc-mj",
     ),
     ("film servo --from 100", "shows nothing: the runs begin at 0 s and end at 18 s"),
     ("film servo --camera nose", "unknown camera 'nose': valid: fixed, follow"),

@@ -240,6 +240,7 @@ def test_equations_have_no_model_to_edit() -> None:
             "write disturbance.load[1].amplitude or disturbance.load[2]",
         ),
         ("requirement.input_below", 1.0, "write requirement[1].input_below or requirement[2]"),
+        ("requirement.2.input_below", 1.0, "no [[requirement]] has a name: count them, as in"),
         ("laws.gros.k", 1.0, "unknown law 'gros': did you mean 'grosmc'?"),
         ("run.duration", "3 m", 'duration: "3 m" cannot be converted to s'),
         ("run.duration", -1.0, "must be above 0 s"),

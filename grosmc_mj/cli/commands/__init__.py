@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import NamedTuple
 
 
@@ -25,25 +26,22 @@ CLAIMS: Subcommands = {
     "sweep": Entry("claims:SweepCommand", "Show where the answers turn as choices vary."),
     "premises": Entry("claims:PremisesCommand", "Check the premises of the theorems in each case."),
 }
-STUDIES: Subcommands = {
-    "region": Entry("study.region:RegionCommand", "From which starts does each law converge?"),
-    "tolerance": Entry(
-        "study.tolerance:ToleranceCommand",
-        "How much of each imperfection of the loop does each law stand?",
-    ),
-    "ladder": Entry(
-        "study.ladder:LadderCommand",
-        "Where does each law break between equations and machine?",
-    ),
-    "margins": Entry(
-        "study.margins:MarginsCommand",
-        "How much gain and delay does each law tolerate?",
-    ),
-    "disturbance": Entry(
-        "study.disturbance:DisturbanceCommand",
-        "Which disturbance within a bound is the worst for each law?",
-    ),
-}
+
+
+def _studies() -> Subcommands:
+    """Return the studies: each module of ``study`` is one.
+
+    Its first line is read, not its module imported: an overview of the commands is quick.
+    """
+    studies = {}
+    for path in sorted(Path(__file__).with_name("study").glob("[a-z]*.py")):
+        name = path.stem
+        summary = path.read_text(encoding="utf-8").partition("\n")[0].strip('"')
+        studies[name] = Entry(f"study.{name}:{name.title()}Command", summary)
+    return studies
+
+
+STUDIES = _studies()
 COMMANDS: Mapping[str, Entry | Subcommands] = {
     "new": Entry("new:NewCommand", "Write a case file to begin with, every key explained."),
     "run": Entry("run:RunCommand", "Run an experiment: does it keep what it requires?"),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from grosmc_mj.cli.command import Target, WholeNumber, command
-from grosmc_mj.cli.commands.study.study_command import StudyCommand
+from grosmc_mj.cli.study_command import StudyCommand
 from grosmc_mj.cli.targets import result_name
 
 if TYPE_CHECKING:

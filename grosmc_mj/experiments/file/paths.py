@@ -216,8 +216,12 @@ def _place_of_new_table(
         return Place(owner, (field,), name, new={kind or _NAMED_BY[owner][0]: name})
 
     names = [name for row in rows for name in _names(row, owner)]
-    if not names:
+    if not rows:
         raise ArgumentError(f"{path!r}: the case file has no [[{owner}]]: write one")
+    if not names:
+        raise ArgumentError(
+            f"{path!r}: no [[{owner}]] has a name: count them, as in {owner}[1].{field}"
+        )
     if name in names:
         raise ArgumentError(f"{path!r}: there is no such [[{owner}]] of {name!r}")
     raise ArgumentError(f"{path!r}: {unknown_name(owner, name, dict.fromkeys(names))}")

@@ -1,1 +1,4 @@
-"""The studies: what one command measures beyond the chapter's cases."""
+"""Studies: a module for each, whose first line is its line in the overview.
+
+The module ``NAME`` has the class ``NameCommand``; no list names it.
+"""

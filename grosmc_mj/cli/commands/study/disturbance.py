@@ -1,4 +1,4 @@
-"""grosmc-mj study disturbance."""
+"""Which disturbance within a bound is the worst for each law?"""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from grosmc_mj.cli.command import Flag, Laws, Target, WholeNumber, command
-from grosmc_mj.cli.commands.study.study_command import FilmedStudyCommand
+from grosmc_mj.cli.study_command import FilmedStudyCommand
 
 if TYPE_CHECKING:
     from grosmc_mj.output.films.film import Film

@@ -1,4 +1,4 @@
-"""grosmc-mj study ladder."""
+"""Where does each law break between equations and machine?"""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from grosmc_mj.cli.command import Flag, StudiedLaws, Target, WholeNumber, command
-from grosmc_mj.cli.commands.study.study_command import FilmedStudyCommand
+from grosmc_mj.cli.study_command import FilmedStudyCommand
 
 if TYPE_CHECKING:
     from grosmc_mj.output.films.film import Film

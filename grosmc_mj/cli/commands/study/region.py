@@ -1,4 +1,4 @@
-"""grosmc-mj study region."""
+"""From which starts does each law converge?"""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Target, WholeNumber, command
-from grosmc_mj.cli.commands.study.study_command import StudyCommand
+from grosmc_mj.cli.study_command import StudyCommand
 from grosmc_mj.ground.errors import ArgumentError
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""grosmc-mj study tolerance."""
+"""How much of each imperfection of the loop does each law stand?"""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from grosmc_mj.cli.command import Flag, StudiedLaws, Target, WholeNumber, command
-from grosmc_mj.cli.commands.study.study_command import StudyCommand
+from grosmc_mj.cli.study_command import StudyCommand
 
 if TYPE_CHECKING:
     from grosmc_mj.output.results.result import Result
