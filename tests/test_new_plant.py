@@ -36,7 +36,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_recipe_names_what_is_added() -> None:
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    recipe = text.partition("## A new plant")[2].partition("\n## ")[0]
+    recipe = text.partition("### A plant")[2].partition("\n## ")[0]
     names = re.findall(r"`([\w./]+)`", recipe.replace("NAME", "spring_mass"))
     assert {"SYSTEMS", "grosmc_mj/theory/plants/__init__.py", "base.toml"} <= set(names)
 
