@@ -80,6 +80,7 @@ class DriveFriction(MachinePart):
     stribeck_exponent: Annotated[float, Range(0.1, 10)] = 2.0
 
     kind = "drive friction"
+    effect = "friction"
     owner = "joint"
     order = 23
     stepped = True

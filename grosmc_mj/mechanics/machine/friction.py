@@ -54,6 +54,7 @@ class LuGre(MachinePart):
     stribeck: Annotated[float, positive(SPEED)] = 0.01
 
     kind = "lugre"
+    effect = "friction"
     owner = "joint"
     order = 22
 

@@ -112,10 +112,13 @@ class MachinePart(Edit):
 
     Attributes:
         remedy: Another way to make an unstable one stable, for the message.
+        effect: Name of the effect that parts of several kinds add, such as ``friction``; empty for
+            the kind itself.
     """
 
     rigid = False
     remedy: ClassVar[str] = "make it softer"
+    effect: ClassVar[str] = ""
 
     def oscillation(self, model: mujoco.MjModel) -> Oscillation | None:
         """Motion of the part alone in a compiled model; None without a spring or lag."""

@@ -40,6 +40,7 @@ class Stop(MachinePart):
     duration: Annotated[float, positive("s")] = 0.02
 
     kind = "stop"
+    effect = "stops"
     owner = "joint"
     order = 10
 
@@ -103,6 +104,7 @@ class Wall(MachinePart):
     duration: Annotated[float, positive("s")] = 0.02
 
     kind = "wall"
+    effect = "stops"
     owner = "body"
     order = 13
     several = True

@@ -9,17 +9,10 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.file.parts import table_of
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.ground.errors import ModelError
-from grosmc_mj.mechanics.machine import (
-    DriveFriction,
-    LuGre,
-    MachinePart,
-    Motor,
-    Stop,
-    Transmission,
-    Wall,
-)
+from grosmc_mj.mechanics.machine import PARTS, MachinePart, Transmission
 from grosmc_mj.simulation.loop import Computing, Loop
 from grosmc_mj.studies.ladder.assumed import (
     AssumedNumber,
@@ -30,16 +23,16 @@ from grosmc_mj.studies.ladder.assumed import (
 )
 
 _COMPUTING = {"delay": "delay", "jitter": "jitter", "missed": "missed samples"}
-# The numbers of each rung: tables of a case file, and the keys in them; None for all keys.
-_TABLES: Mapping[str, tuple[Sequence[str], Collection[str] | None]] = {
+# Rungs of a machine in the order of the ladder; those of other effects come after them.
+_MACHINE = ("motor", "friction", "backlash", "flexibility", "stops")
+# The numbers of rungs that are more or less than tables of one effect: tables of a case file, and
+# the keys in them; None for all keys.
+_NUMBERS: Mapping[str, tuple[Sequence[str], Collection[str] | None]] = {
     "sensors": (("sensor", "estimator"), None),
     **{name: (("computing",), (key,)) for key, name in _COMPUTING.items()},
     "actuator": (("actuator",), None),
-    "motor": (("motor",), None),
-    "friction": (("lugre", "drive_friction"), None),
     "backlash": (("transmission",), ("backlash", "friction", "restitution", "duration")),
     "flexibility": (("transmission",), ("stiffness", "damping", "inertia")),
-    "stops": (("stop", "wall"), None),
 }
 
 
@@ -128,7 +121,8 @@ def rungs_of(machine: Experiment) -> tuple[list[Rung], list[Rung]]:
 
 def _assumed(numbers: Sequence[AssumedNumber], rung: str) -> Iterator[str]:
     """Yield the assumed numbers that a rung adds, by the part that has them."""
-    kinds, keys = _TABLES[rung]
+    tables = [table_of(part) for part in PARTS if _rung_of(part) == rung]
+    kinds, keys = _NUMBERS.get(rung, (tables, None))
     added = [
         number
         for number in numbers
@@ -188,12 +182,21 @@ def _loop_additions(loop: Loop) -> Iterator[tuple[str, Loop]]:
 
 def _machine_additions(parts: Sequence[MachinePart]) -> Iterator[tuple[str, list[MachinePart]]]:
     """Yield the parts of a machine by rung; a transmission is rigid on the rung of its backlash."""
-    gears = [part for part in parts if isinstance(part, Transmission)]
-    yield "motor", [part for part in parts if isinstance(part, Motor)]
-    yield "friction", [part for part in parts if isinstance(part, (LuGre, DriveFriction))]
-    yield "backlash", [replace(gear, stiffness=math.inf) for gear in gears if gear.backlash]
-    yield "flexibility", [gear for gear in gears if math.isfinite(gear.stiffness)]
-    yield "stops", [part for part in parts if isinstance(part, (Stop, Wall))]
+    rungs: dict[str, list[MachinePart]] = {name: [] for name in _MACHINE}
+    for part in parts:
+        if not isinstance(part, Transmission):
+            rungs.setdefault(_rung_of(part), []).append(part)
+            continue
+        if part.backlash:
+            rungs["backlash"].append(replace(part, stiffness=math.inf))
+        if math.isfinite(part.stiffness):
+            rungs["flexibility"].append(part)
+    yield from rungs.items()
+
+
+def _rung_of(part: MachinePart | type[MachinePart]) -> str:
+    """Return the name of the rung of a part other than a transmission, which has two."""
+    return part.effect or part.kind
 
 
 def _merged(below: Loop, added: Loop) -> Loop:
