@@ -138,6 +138,7 @@ class _IdentifyQuestion(Question):
         parts: The part of the log that is fitted, and the one that is held out.
         best: The fit; None before it.
         errors: Residuals of the part that is held out.
+        unwritten: Text of the case file, if it could not be written.
     """
 
     path: Path
@@ -148,6 +149,7 @@ class _IdentifyQuestion(Question):
     parts: tuple[Predictor, Predictor]
     best: Fit | None = None
     errors: Any = None
+    unwritten: str = ""
 
     @property
     def files(self) -> Sequence[Path]:
@@ -179,7 +181,7 @@ class _IdentifyQuestion(Question):
         return experiment.plant(experiment.nominal.truest)
 
     def _write_case(self, best: Fit) -> None:
-        """Write the case file of the fit; print it where it cannot be written.
+        """Write the case file of the fit; where it cannot be written it is shown at the end.
 
         Raises:
             SetupError: If it cannot be written.
@@ -189,8 +191,7 @@ class _IdentifyQuestion(Question):
         try:
             write_case(best, self.log.name, self.case_file)
         except SetupError:
-            text = case_text(best, self.log.name, self.case_file)
-            screen.console().print(text, markup=False, soft_wrap=True, end="")
+            self.unwritten = case_text(best, self.log.name, self.case_file)
             raise
 
     def result(self, *, complete: bool) -> Result | None:
@@ -232,8 +233,14 @@ class _IdentifyQuestion(Question):
 
     def show(self, result: Result, *, full: bool, among: bool) -> None:
         """Write and print the result, and the path of the case file."""
-        super().show(result, full=full, among=among)
-        screen.say_files(screen.console(), self.case_file)
+        try:
+            super().show(result, full=full, among=among)
+        finally:
+            # A full disk takes the result, too.
+            if self.unwritten:
+                screen.console().print(self.unwritten, markup=False, soft_wrap=True, end="")
+        if not self.unwritten:
+            screen.say_files(screen.console(), self.case_file)
 
 
 @command
