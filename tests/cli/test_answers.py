@@ -234,7 +234,7 @@ def test_every_command_takes_verbose(command: type[Command]) -> None:
         ("", f"Usage: grosmc-mj {' '.join(COMMANDS)}"),
         ("validate", "TARGETS SYSTEM --verbose --out"),
         ("film", "FILE.toml --laws --camera --size --from -o"),
-        ("study", "disturbance ladder margins region tolerance"),
+        ("study", " ".join(STUDIES)),
     ],
 )
 def test_help_names_the_options(arguments: str, words: str, capsys: Screen) -> None:

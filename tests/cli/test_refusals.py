@@ -13,6 +13,7 @@ import pytest
 from commands import Screen, assert_one_line, run
 
 from grosmc_mj import cli
+from grosmc_mj.cli.commands import STUDIES
 from grosmc_mj.cli.exit_codes import WRONG
 from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.file.text import complete_text
@@ -58,7 +59,7 @@ REFUSALS = [
     ("export servo/case1 --law lqr --loop", "--loop: the case has no loop"),
     (
         "study switching",
-        "unknown command 'switching': valid: disturbance, ladder, margins, region, tolerance",
+        f"unknown command 'switching': valid: {', '.join(STUDIES)}",
     ),
     ("campaign servo --case-file small.toml", "--case-file is for --plant only"),
     ("campaign out --plant 3 --runs 7", "--runs is not for --plant"),
@@ -75,7 +76,7 @@ REFUSALS = [
     ("study region servo --limits 1 x", "--limits"),
     (
         "study",
-        "missing: one of disturbance, ladder, margins, region, tolerance; for help: grosmc-mj",
+        f"missing: one of {', '.join(STUDIES)}; for help: grosmc-mj",
     ),
     ("film servo --from 100", "shows nothing: the runs begin at 0 s and end at 18 s"),
     ("film servo --camera nose", "unknown camera 'nose': valid: fixed, follow"),
