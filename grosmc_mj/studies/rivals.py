@@ -64,8 +64,6 @@ def compared(run: RunResult) -> Rival:
     if run.ended:
         remaining = math.inf
 
-    u = as_rows(trajectory.input)
-    variation = np.linalg.norm(np.diff(u, axis=0), axis=1).sum()
     return Rival(
         system=run.case.name,
         law=law.name,
@@ -73,11 +71,19 @@ def compared(run: RunResult) -> Rival:
         deviation=_metric(run, "deviation"),
         remaining=remaining,
         peak=_metric(run, "max_input"),
-        variation=float(variation / trajectory.time[-1]),
+        variation=variation_of(run),
         kept=all(judgement.kept for judgement in run.requirements),
         output_unit=law.coordinates.output_units[0],
         input_unit=law.designed.error.system.inputs[0].unit,
     )
+
+
+def variation_of(run: RunResult) -> float:
+    """Return the total variation of u of a run per second, of several inputs by their norm."""
+    trajectory = run.trajectory
+    u = as_rows(trajectory.input)
+    variation = np.linalg.norm(np.diff(u, axis=0), axis=1).sum()
+    return float(variation / trajectory.time[-1])
 
 
 def _metric(run: RunResult, name: str) -> float:

@@ -1,0 +1,227 @@
+"""Answer of a contest: the sentence, the table, the chart and the document."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from grosmc_mj.output.results.result import (
+    KEPT,
+    NOT_KEPT,
+    OPEN,
+    Answer,
+    CellChart,
+    ReportTable,
+    Result,
+    Value,
+    result,
+)
+from grosmc_mj.output.results.tables import Table, number, numbers, table, words
+from grosmc_mj.output.results.verdicts import (
+    Verdict,
+    described,
+    standings,
+    values_of,
+    worst_failed,
+    worst_of,
+)
+from grosmc_mj.studies.contest.contest import ContestStudy
+from grosmc_mj.studies.contest.row import ContestLaw, Entry, simplest
+from grosmc_mj.studies.margins.changes import DELAY, GAIN_DOWN, GAIN_UP
+from grosmc_mj.studies.matrix import conditions_document, verdict_chart
+from grosmc_mj.studies.tune.row import AS_IN_FILE, TUNED
+
+LEGEND = (
+    "Kept: draws of no search that keep all, under all conditions together. Share: measured over "
+    "allowed value of the tightest limit in the worst of them; above 1 it is not kept. Margins are "
+    "those of the nominal task; input and its variation those of one run under each condition, the "
+    "largest."
+)
+# Words for the numbers of a law in tables and charts.
+_STEPS = {AS_IN_FILE: "file", TUNED: "tuned"}
+
+
+def contest_table(study: ContestStudy, rows: Sequence[ContestLaw]) -> Table:
+    """Return the table of a contest: two rows a law, with the file's numbers and tuned ones."""
+    unit = study.case.nominal.system.inputs[0].unit
+    plants = ["plants kept"] if study.has_plants else []
+    columns = [
+        *words("law", "with"),
+        *numbers("tuned numbers", "kept", "worst share", *plants),
+        *numbers("delay", "gain down", "gain up"),
+        *numbers(f"largest input [{unit}]", f"variation [{unit}/s]", "runs"),
+    ]
+    lines = []
+    for row in rows:
+        if row.refused:
+            lines.append([row.law, "not tuned", *["-"] * (len(columns) - 2)])
+        for entry in row.entries:
+            count = ""
+            runs = ""
+            if entry.step == TUNED:
+                count = str(len(row.numbers))
+                runs = str(row.runs)
+            lines.append([row.law, _STEPS[entry.step], count, *_cells(entry), runs])
+    return table("Contest", columns, lines, grouped=True, legend=LEGEND)
+
+
+def _cells(entry: Entry) -> list[str]:
+    """Cells of a law with some numbers."""
+    kept = sum(verdict.kept_draws for verdict in entry.on_machine)
+    draws = sum(verdict.draws for verdict in entry.on_machine)
+    plants = entry.on_plants
+    of_plants = [] if plants is None else [f"{plants.kept_draws} of {plants.draws}"]
+    return [
+        f"{kept} of {draws}",
+        described(worst_of(entry.verdicts)).text.removesuffix("x"),
+        *of_plants,
+        *(entry.margin(kind) for kind in (DELAY, GAIN_DOWN, GAIN_UP)),
+        _shown(entry.largest_input),
+        _shown(entry.variation),
+    ]
+
+
+def _shown(value: float | None) -> str:
+    return "-" if value is None else number(value)
+
+
+def contest_chart(study: ContestStudy, rows: Sequence[ContestLaw]) -> CellChart:
+    """Return the chart of laws by conditions, with the file's numbers and tuned ones."""
+    headings = {
+        f"{step}, {item.name}": f"{heading}: {item.name}"
+        for step, heading in _STEPS.items()
+        for item in study.tuning.conditions
+    }
+    verdicts = [
+        described(verdict).changed(step=f"{entry.step}, {verdict.condition}")
+        for row in rows
+        for entry in row.entries
+        for verdict in entry.verdicts
+    ]
+    return verdict_chart(f"Contest on {study.target}", verdicts, headings, climbing=False)
+
+
+def contest_result(study: ContestStudy, rows: Sequence[ContestLaw], *, complete: bool) -> Result:
+    """Return the result of a contest.
+
+    Args:
+        study: The target.
+        rows: Its rows.
+        complete: Whether nothing was interrupted.
+    """
+    tuned = [verdict for row in rows if row.tuned for verdict in row.tuned.verdicts]
+    return result(
+        "contest",
+        study.configuration(),
+        seed=study.tuning.seed,
+        complete=complete,
+        answers=[_answer(study, rows, complete=complete)],
+        standings=standings(study.target, tuned, worst_failed, _standing_words, complete=complete),
+        sheets=[
+            ReportTable(
+                table=contest_table(study, rows),
+                charts=[contest_chart(study, rows)],
+                brief=True,
+            )
+        ],
+        remarks=_remarks(study),
+        values=_values(study, rows),
+        target=study.target,
+        conditions=conditions_document(item.condition for item in study.tuning.conditions),
+        laws=[_law_document(row) for row in rows],
+        left_out=study.left_out,
+    )
+
+
+def _answer(study: ContestStudy, rows: Sequence[ContestLaw], *, complete: bool) -> Answer:
+    """The sentence: which laws keep all, and the simplest of them."""
+    winner = simplest(rows)
+    if winner is None:
+        verdict = NOT_KEPT
+        answer = f"none of {_laws(rows)} keeps all with the numbers found"
+        more = _nearest(rows)
+    else:
+        verdict = KEPT
+        answer = _keeping(rows, winner)
+        before = [row.law for row in rows if row.entries and row.entries[0].kept]
+        more = f"With the file's numbers: {', '.join(before) or 'none'}."
+    if complete:
+        answer = f"{answer[0].upper()}{answer[1:]}"
+    else:
+        verdict = OPEN
+        answer = f"So far {answer}"
+    return Answer(
+        question=f"Contest on {study.target}",
+        verdict=verdict,
+        words=answer,
+        more=more,
+        notes=[f"{row.law} was not tuned: {row.refused}" for row in rows if row.refused],
+    )
+
+
+def _laws(rows: Sequence[ContestLaw]) -> str:
+    """The number of laws in words."""
+    return f"{len(rows)} law{'' if len(rows) == 1 else 's'}"
+
+
+def _keeping(rows: Sequence[ContestLaw], winner: ContestLaw) -> str:
+    """Which laws keep all, and which is the simplest, in words."""
+    keeping = [row.law for row in rows if row.kept]
+    count = len(winner.numbers)
+    tuned_numbers = f"{count} tuned number{'' if count == 1 else 's'}"
+    place = _standing_words(winner.entries[-1].verdicts)
+    return (
+        f"{len(keeping)} of {_laws(rows)} keep{'s' if len(keeping) == 1 else ''} all, tuned: "
+        f"{', '.join(keeping)}; simplest: {winner.law}, {tuned_numbers}, {place}"
+    )
+
+
+def _nearest(rows: Sequence[ContestLaw]) -> str:
+    """The law with the least share in words; empty if none was judged."""
+    judged = [(row, row.entries[-1]) for row in rows if row.entries]
+    if not judged:
+        return ""
+    row, entry = min(judged, key=lambda pair: pair[1].share)
+    return f"Nearest: {row.law}, {_standing_words(entry.verdicts)}."
+
+
+def _standing_words(verdicts: Sequence[Verdict]) -> str:
+    """The worst verdict on a law in words."""
+    worst = worst_of(verdicts)
+    if not worst.tightest:
+        return f"{described(worst).words} under {worst.condition}"
+    share = "never" if math.isinf(worst.share) else number(worst.share)
+    return f"{share} of {worst.tightest.replace('_', ' ')} under {worst.condition}"
+
+
+def _remarks(study: ContestStudy) -> list[str]:
+    tuning = study.tuning
+    conditions = ", ".join(item.name for item in tuning.conditions)
+    lines = [
+        f"Each law: {tuning.runs:,} runs at most, ended at {tuning.target_share:g} of each limit; "
+        f"seed {tuning.seed}. Asked under: {conditions}.",
+        f"Tuned on {tuning.draws} draws, judged on {tuning.held_out} other ones; margins on "
+        f"{study.margin_draws}.",
+        "A law that was not found to keep all may do so with other numbers, or more runs.",
+    ]
+    if study.left_out:
+        left_out = "; ".join(f"{name} ({why})" for name, why in study.left_out.items())
+        lines.append(f"Left out: {left_out}.")
+    return lines
+
+
+def _values(study: ContestStudy, rows: Sequence[ContestLaw]) -> Iterator[Value]:
+    """Yield the values by which two contests are compared."""
+    winner = simplest(rows)
+    yield Value(name=f"{study.target}: simplest", value=winner.law if winner else "none")
+    for row in rows:
+        for entry in row.entries:
+            yield from values_of(study.target, entry.verdicts)
+            named = [item.changed(group=entry.step) for item in entry.margins]
+            yield from values_of(study.target, named)
+
+
+def _law_document(row: ContestLaw) -> dict[str, Any]:
+    """Row of a law as plain values."""
+    return {**row.model_dump(), "kept": row.kept}

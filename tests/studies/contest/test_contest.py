@@ -1,0 +1,169 @@
+"""Laws that are tuned by one budget are judged alike, and the simplest that keeps all is named."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from commands import run
+from tune_cases import write_block
+
+from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.studies.contest.answer import contest_result
+from grosmc_mj.studies.contest.contest import ContestStudy, contest_study
+from grosmc_mj.studies.contest.row import ContestLaw, Entry, simplest
+from grosmc_mj.studies.study import CellRunner
+from grosmc_mj.studies.tune.row import AS_IN_FILE, TUNED
+
+# Beside a PD of two numbers: one that has its damping, and one that has hardly any.
+RIVALS = '''
+
+def critical(t, x, memory, p):
+    """PD of the block with a damping of 1."""
+    return p.frequency**2 * (1.0 - x[0]) - 2 * p.frequency * x[1]
+
+
+def swinging(t, x, memory, p):
+    """PD of the block with hardly any damping."""
+    return p.frequency**2 * (1.0 - x[0]) - 0.02 * p.frequency * x[1]
+'''
+CONTROLLERS = """
+[[controller]]
+name = "critical"
+law = "plants:critical"
+frequency = 0.4
+
+[[controller]]
+name = "swinging"
+law = "plants:swinging"
+frequency = 0.4
+"""
+
+
+def write_contest(folder: Path) -> Path:
+    """Write the block with three laws, and return the path of its case."""
+    path = write_block(folder)
+    plants = folder / "plants.py"
+    plants.write_text(plants.read_text(encoding="utf-8") + RIVALS, encoding="utf-8")
+    path.write_text(path.read_text(encoding="utf-8") + CONTROLLERS, encoding="utf-8")
+    return path
+
+
+def contested(study: ContestStudy, folder: Path, *, resume: bool = False) -> list[ContestLaw]:
+    """The rows of all laws."""
+    return list(study.rows(study.cells(), CellRunner(folder, ContestLaw, resume)))
+
+
+@pytest.fixture(scope="module")
+def contest(tmp_path_factory: pytest.TempPathFactory) -> tuple[ContestStudy, list[ContestLaw]]:
+    """A contest of three laws."""
+    folder = tmp_path_factory.mktemp("contest")
+    study = contest_study(str(write_contest(folder)), runs=50)
+    return study, contested(study, folder / "pieces")
+
+
+def test_laws_have_two_rows_and_are_judged_alike(contest: tuple[ContestStudy, list[ContestLaw]]):
+    _, rows = contest
+    assert [row.law for row in rows] == ["mine", "critical", "swinging"]
+    for row in rows:
+        assert row.runs <= 50
+        assert [entry.step for entry in row.entries] == [AS_IN_FILE, TUNED]
+        for entry in row.entries:
+            assert [verdict.condition for verdict in entry.verdicts] == ["nominal"]
+            assert entry.largest_input is not None
+            assert 0 < entry.largest_input <= 1.5
+            assert entry.variation is not None
+            assert entry.variation > 0
+
+
+def test_the_simplest_law_that_keeps_all_wins(contest: tuple[ContestStudy, list[ContestLaw]]):
+    study, rows = contest
+    mine, critical, swinging = rows
+    assert mine.kept
+    assert critical.kept
+    # A double integrator without damping overshoots by the whole step, whatever its frequency.
+    assert not swinging.kept
+    assert simplest(rows) is critical
+
+    document = contest_result(study, rows, complete=True)
+    assert "2 of 3 laws keep all, tuned: mine, critical" in document.answers[0].words
+    assert "simplest: critical, 1 tuned number" in document.answers[0].words
+    assert [standing.law for standing in document.standings if standing.breaks_at] == ["swinging"]
+
+
+def test_only_a_law_that_keeps_its_task_has_margins(
+    contest: tuple[ContestStudy, list[ContestLaw]],
+):
+    _, rows = contest
+    for row in rows:
+        for entry in row.entries:
+            has_margins = entry.margin("delay") != "-"
+            assert has_margins is entry.kept
+
+
+def test_a_resumed_contest_is_the_same_to_the_bit(
+    tmp_path: Path, contest: tuple[ContestStudy, list[ContestLaw]]
+):
+    study, whole = contest
+    cells = study.cells()
+    next(study.rows(cells, CellRunner(tmp_path, ContestLaw)))
+    assert contested(study, tmp_path, resume=True) == whole
+
+
+def test_few_numbers_come_before_a_small_share():
+    def law(name: str, numbers: int, share: float) -> ContestLaw:
+        verdict = {"law": name, "share": share}
+        number = {
+            "path": "k", "unit": "", "before": 1.0, "after": 1.0, "low": 0.1, "high": 10.0,
+            "grown": False, "at_end": False, "logarithmic": True,
+        }  # fmt: skip
+        return ContestLaw.model_validate(
+            {
+                "law": name,
+                "numbers": [number] * numbers,
+                "entries": [Entry.model_validate({"step": TUNED, "verdicts": [verdict]})],
+            }
+        )
+
+    rows = [law("two", 2, 0.2), law("one", 1, 0.9), law("near", 1, 0.8), law("failing", 0, 1.1)]
+    winner = simplest(rows)
+    assert winner is not None
+    assert winner.law == "near"
+    assert simplest(rows[3:]) is None
+
+
+@pytest.mark.parametrize(("laws", "code"), [(["critical"], 0), (["swinging"], 1)])
+def test_exit_code_says_whether_a_law_keeps_all(tmp_path: Path, laws: list[str], code: int):
+    path = write_contest(tmp_path)
+    out = tmp_path / "out"
+    options = ["--laws", *laws, "--runs", 30, "--out", out]
+    assert run("study", "contest", path, *options) == code
+    document = json.loads((out / "contest_mine.json").read_text(encoding="utf-8"))
+    assert [law["law"] for law in document["laws"]] == laws
+    assert (out / "contest_mine.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"laws": ["nothing"]}, "nothing"),
+        ({"runs": 0}, "--runs 0 must be 1 at least"),
+        ({"conditions": ["case9"]}, "case9"),
+        ({"plants": 4}, "nothing is uncertain"),
+    ],
+)
+def test_what_does_not_fit_is_refused(tmp_path: Path, options: dict[str, object], message: str):
+    path = write_contest(tmp_path)
+    with pytest.raises(ArgumentError, match=message):
+        contest_study(str(path), **options)  # pyright: ignore[reportArgumentType]
+
+
+def test_a_case_without_requirements_is_refused(tmp_path: Path):
+    path = write_contest(tmp_path)
+    text = path.read_text(encoding="utf-8")
+    before, _, rest = text.partition("[[requirement]]")
+    _, _, controllers = rest.partition("[[controller]]")
+    path.write_text(f"{before}[[controller]]{controllers}", encoding="utf-8")
+    with pytest.raises(ArgumentError, match="nothing is required"):
+        contest_study(str(path))
