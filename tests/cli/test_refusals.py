@@ -188,6 +188,7 @@ WRITING = [
     "study margins servo --out",
     "study region servo --out",
     "study disturbance servo/case1 --on current --bound 1A --out",
+    "study contest servo --out",
     "identify a.csv servo/case1 --out",
     "compare a.csv servo/case1 --out",
     "predict a.csv servo/case1 --law lqr --out",

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from grosmc_mj.cli.command import Target, WholeNumber, command
-from grosmc_mj.cli.commands.study.study_command import StudyCommand
+from grosmc_mj.cli.study_command import StudyCommand
 
 if TYPE_CHECKING:
     from grosmc_mj.output.results.result import Result
