@@ -57,7 +57,7 @@ _SYMBOLS: Sequence[Symbol] = (
     "triangle-down",
 )
 _CURVE = 1.4
-# Values along an axis that each get a tick, at most.
+# Ticks for which an axis has room.
 _MOST_TICKS = 12
 # An axis is logarithmic if its largest number is more than so many times its smallest.
 _FAR = 10.0
@@ -186,9 +186,16 @@ def _x_axis(chart: LineChart) -> ChartAxis:
     numbers = [float(x) for x in values]
     if chart.equal or not _spans_decades(numbers):
         return ChartAxis(title)
-    if len(numbers) > _MOST_TICKS:
+    if not _have_room(numbers):
         return ChartAxis(title, "log")
     return ChartAxis(title, "log", ticks={x: f"{x:g}" for x in sorted(numbers)})
+
+
+def _have_room(numbers: Collection[float]) -> bool:
+    """Return True if each of some positive numbers can have a tick on a logarithmic axis."""
+    places = np.log(sorted(numbers))
+    nearest = np.diff(places).min()
+    return bool(nearest * _MOST_TICKS >= places[-1] - places[0])
 
 
 def _spans_decades(numbers: Collection[float]) -> bool:
