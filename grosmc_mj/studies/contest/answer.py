@@ -38,6 +38,10 @@ LEGEND = (
     "those of the nominal task; input and its variation those of one run under each condition, the "
     "largest."
 )
+NOTE = (
+    "Green: all requirements are kept. Orange: the named requirement is not. Yellow: kept in some "
+    "draws, so many of so many."
+)
 # Words for the numbers of a law in tables and charts.
 _STEPS = {AS_IN_FILE: "file", TUNED: "tuned"}
 
@@ -218,7 +222,9 @@ def _values(study: ContestStudy, rows: Sequence[ContestLaw]) -> Iterator[Value]:
     for row in rows:
         for entry in row.entries:
             yield from values_of(study.target, entry.verdicts)
-            named = [item.changed(group=entry.step) for item in entry.margins]
+            # Without any change the verdicts above say whether the task is kept.
+            searched = [item for item in entry.margins if item.searched]
+            named = [item.changed(group=entry.step) for item in searched]
             yield from values_of(study.target, named)
 
 

@@ -10,11 +10,12 @@ from commands import run
 from tune_cases import write_block
 
 from grosmc_mj.ground.errors import ArgumentError
-from grosmc_mj.studies.contest.answer import contest_result
+from grosmc_mj.studies.contest.answer import contest_result, contest_table
 from grosmc_mj.studies.contest.contest import ContestStudy, contest_study
 from grosmc_mj.studies.contest.row import ContestLaw, Entry, simplest
 from grosmc_mj.studies.study import CellRunner
 from grosmc_mj.studies.tune.row import AS_IN_FILE, TUNED
+from grosmc_mj.studies.tune.tune import HELD_OUT
 
 # Beside a PD of two numbers: one that has its damping, and one that has hardly any.
 RIVALS = '''
@@ -131,6 +132,34 @@ def test_few_numbers_come_before_a_small_share():
     assert winner is not None
     assert winner.law == "near"
     assert simplest(rows[3:]) is None
+
+
+def test_plants_have_a_column_and_none_has_been_seen(tmp_path: Path):
+    path = write_contest(tmp_path)
+    uncertain = '\n[[uncertain]]\nnumber = "edit.m.scale"\nvalues = [0.8, 1.25]\n'
+    path.write_text(path.read_text(encoding="utf-8") + uncertain, encoding="utf-8")
+    study = contest_study(str(path), ["critical"], runs=40, plants=2, held_out=6)
+    rows = contested(study, tmp_path / "pieces")
+    tuned = rows[0].tuned
+    assert tuned is not None
+    plants = tuned.on_plants
+    assert plants is not None
+    assert plants.draws == 6
+    assert plants.draw >= HELD_OUT
+
+    table = contest_table(study, rows)
+    place = [column.header for column in table.columns].index("plants kept")
+    cells = [row[place] for row in table.rows]
+    assert cells[-1] == f"{plants.kept_draws} of 6"
+
+
+def test_a_law_with_other_numbers_contends_once(tmp_path: Path):
+    path = write_contest(tmp_path)
+    again = '\n[[controller]]\nname = "quick"\nlaw = "plants:critical"\nfrequency = 3.0\n'
+    path.write_text(path.read_text(encoding="utf-8") + again, encoding="utf-8")
+    study = contest_study(str(path))
+    assert [law.name for law in study.tuning.laws] == ["mine", "critical", "swinging"]
+    assert study.left_out == {"quick": "critical with other numbers"}
 
 
 @pytest.mark.parametrize(("laws", "code"), [(["critical"], 0), (["swinging"], 1)])

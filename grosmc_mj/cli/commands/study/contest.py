@@ -90,8 +90,7 @@ class ContestCommand(StudyCommand["ContestStudy", "ContestLaw"]):
         """Draw the figure."""
         from grosmc_mj.output.charts.figure import write_chart
         from grosmc_mj.output.charts.of_results import cells_chart
-        from grosmc_mj.studies.contest.answer import contest_chart
-        from grosmc_mj.studies.matrix import NOTE
+        from grosmc_mj.studies.contest.answer import NOTE, contest_chart
 
         title = f"{study.target}: the file's numbers and tuned ones"
         chart = cells_chart(title, [contest_chart(study, rows)], NOTE)
