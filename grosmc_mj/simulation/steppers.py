@@ -189,8 +189,7 @@ class PhysicsStepper:
 
     def write(self, plant: Any) -> None:
         """Write the edits of a plant, which shares this model, into it."""
-        if plant.changes is not None:
-            plant.template.write(plant.changes, self.model, self.data)
+        plant.write_edits(self.model, self.data)
 
     def restart(self, x0: Array) -> None:
         """Reset the mjData to a start, (n,)."""
@@ -270,9 +269,7 @@ def shared_model(plant: Any) -> Any:
     """Model or system that the plants of one stepper share."""
     if plant.kind != "physics":
         return plant.system
-    if plant.changes is None:
-        return plant.undrawn_model
-    return plant.template
+    return plant.shared
 
 
 class Steppers:
@@ -304,11 +301,8 @@ class Steppers:
         """Stepper for all plants that share the model of this one."""
         if plant.kind != "physics":
             return EquationStepper(plant, self._timestep)
-        if plant.changes is not None:
-            model = plant.template.copy()
-        else:
-            model = plant.undrawn_model
-            if has_drive_friction(model):
-                # Each thread writes its own limits of friction.
-                model = copy.copy(model)
+        model = plant.stepped_model()
+        if model is plant.shared and has_drive_friction(model):
+            # Each thread writes its own limits of friction.
+            model = copy.copy(model)
         return PhysicsStepper(plant.system, model, mujoco.MjData(model))

@@ -132,7 +132,7 @@ class MujocoPlant(Plant):
                 f"{', '.join(scales)}"
             )
         if known:
-            return replace(self, spec=apply_edits(self.spec, edits, self.template.model))
+            return replace(self, spec=apply_edits(self.spec, edits, self._template.model))
         return replace(self, edits=edits)
 
     @property
@@ -189,7 +189,7 @@ class MujocoPlant(Plant):
         """Compiled model with its states and drives, which rigid edits do not change."""
         if self.parts:
             return self.undrawn_model
-        return self.template.model
+        return self._template.model
 
     @property
     def stepped_by(self) -> Integrator:
@@ -291,7 +291,7 @@ class MujocoPlant(Plant):
             ModelError: If MuJoCo refuses the model or its joints are not the system's.
         """
         if not self.edits:
-            return self.template.model
+            return self._template.model
         _, model = self._compiled_undrawn()
         return model
 
@@ -303,7 +303,7 @@ class MujocoPlant(Plant):
         return spec, model
 
     @property
-    def template(self) -> Template:
+    def _template(self) -> Template:
         """Model to write edits into, shared by the plants of one nominal model.
 
         Raises:
@@ -317,16 +317,38 @@ class MujocoPlant(Plant):
         return templates[key]
 
     @cached_property
-    def changes(self) -> list[Change] | None:
+    def _changes(self) -> list[Change] | None:
         """Changes written into the template for a run; None if it has a model of its own.
 
         Raises:
             ModelError: As ``undrawn_model``.
         """
-        changes = self.template.changes(self.edits) if self.edits else None
+        changes = self._template.changes(self.edits) if self.edits else None
         if changes is None:
             self.undrawn_model  # noqa: B018  compiled here, and not by several threads
         return changes
+
+    @property
+    def shared(self) -> Template | mujoco.MjModel:
+        """Object that the plants of one stepper share: the template, or a model of its own.
+
+        Raises:
+            ModelError: As ``undrawn_model``.
+        """
+        if self._changes is None:
+            return self.undrawn_model
+        return self._template
+
+    def stepped_model(self) -> mujoco.MjModel:
+        """Model for a stepper: a copy if ``write_edits`` writes into it."""
+        if self._changes is None:
+            return self.undrawn_model
+        return self._template.copy()
+
+    def write_edits(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Write the edits into the model of a stepper, if other plants share it."""
+        if self._changes is not None:
+            self._template.write(self._changes, model, data)
 
     def _compiled(self, nominal: mujoco.MjSpec) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
         """Edited model, editable and compiled, from the nominal one, drawn or not.
@@ -335,7 +357,7 @@ class MujocoPlant(Plant):
             ModelError: If MuJoCo refuses it, its joints are not the system's, or its parts need a
                 shorter timestep.
         """
-        compiled_nominal = self.template.model if self.edits else None
+        compiled_nominal = self._template.model if self.edits else None
         spec = apply_edits(nominal, self.edits, compiled_nominal, self.timestep)
         if self.integrator is not None:
             spec.option.integrator = _MUJOCO[self.integrator]
@@ -375,7 +397,7 @@ class MujocoPlant(Plant):
         The parts of a machine, which equations lack, are left out.
         """
         rigid = self.rigid
-        model = rigid.template.written(rigid.edits) if rigid.edits else None
+        model = rigid._template.written(rigid.edits) if rigid.edits else None
         if model is None:
             model = rigid.undrawn_model
         return AnalyticPlant.from_model(self.system, model, variant)

@@ -350,7 +350,7 @@ def test_a_written_model_is_the_compiled_one_bit_for_bit(name: str) -> None:
             edits.append(InputEdit(actuator, gear))
         plant = nominal.changed(*edits)
         run_model = steppers.of(plant).model
-        written = plant.template.written(plant.edits)
+        written = plant._template.written(plant.edits)
         assert written is not None
 
         compiled_plant = nominal.changed(*edits)
@@ -400,8 +400,8 @@ def hold_the_hinge(spec: mujoco.MjSpec) -> None:
 
 
 def require_compiled(plant: MujocoPlant, *edits: Edit) -> None:
-    assert plant.template.changes(edits) is None
-    assert plant.template.written(edits) is None
+    assert plant._template.changes(edits) is None
+    assert plant._template.written(edits) is None
 
 
 @pytest.mark.parametrize(
