@@ -182,12 +182,16 @@ def _keeping(rows: Sequence[ContestLaw], winner: ContestLaw) -> str:
 
 
 def _nearest(rows: Sequence[ContestLaw]) -> str:
-    """The law with the least share in words; empty if none was judged."""
+    """The law with the least share and the one with most kept draws; empty if none was judged."""
     judged = [(row, row.entries[-1]) for row in rows if row.entries]
     if not judged:
         return ""
     row, entry = min(judged, key=lambda pair: pair[1].share)
-    return f"Nearest: {row.law}, {_standing_words(entry.verdicts)}."
+    nearest = f"Nearest: {row.law}, {_standing_words(entry.verdicts)}"
+    most, of_most = max(judged, key=lambda pair: pair[1].kept_draws)
+    if of_most.kept_draws == entry.kept_draws:
+        return f"{nearest}."
+    return f"{nearest}; most draws: {most.law}, {of_most.kept_draws} of {of_most.draws}."
 
 
 def _standing_words(verdicts: Sequence[Verdict]) -> str:

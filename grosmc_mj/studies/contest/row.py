@@ -42,6 +42,16 @@ class Entry(BaseModel):
         return max(verdict.share for verdict in self.verdicts)
 
     @property
+    def kept_draws(self) -> int:
+        """Draws and plants that keep all, of all conditions together."""
+        return sum(verdict.kept_draws for verdict in self.verdicts)
+
+    @property
+    def draws(self) -> int:
+        """Draws and plants of all conditions together."""
+        return sum(verdict.draws for verdict in self.verdicts)
+
+    @property
     def on_machine(self) -> list[Verdict]:
         """Verdicts on the machine as the file has it."""
         return [verdict for verdict in self.verdicts if verdict.condition != PLANTS]

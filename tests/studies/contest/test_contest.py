@@ -10,6 +10,7 @@ from commands import run
 from tune_cases import write_block
 
 from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.output.results.verdicts import Verdict
 from grosmc_mj.studies.contest.answer import contest_result, contest_table
 from grosmc_mj.studies.contest.contest import ContestStudy, contest_study
 from grosmc_mj.studies.contest.row import ContestLaw, Entry, simplest
@@ -110,6 +111,24 @@ def test_a_resumed_contest_is_the_same_to_the_bit(
     cells = study.cells()
     next(study.rows(cells, CellRunner(tmp_path, ContestLaw)))
     assert contested(study, tmp_path, resume=True) == whole
+
+
+def test_the_law_that_keeps_most_draws_is_named_beside_the_nearest(
+    contest: tuple[ContestStudy, list[ContestLaw]],
+):
+    study, rows = contest
+    verdicts = {
+        "mine": [Verdict(share=0.2, kept_draws=1), Verdict(share=5.0, condition="case1")],
+        "critical": [Verdict(share=1.5), Verdict(share=4.0, condition="case1")],
+    }
+    failing = [
+        row.model_copy(update={"entries": [Entry(step=TUNED, verdicts=verdicts[row.law])]})
+        for row in rows[:2]
+    ]
+    answer = contest_result(study, failing, complete=True).answers[0]
+    assert answer.words == "None of 2 laws keeps all with the numbers found"
+    assert answer.more.startswith("Nearest: critical, ")
+    assert answer.more.endswith("; most draws: mine, 1 of 2.")
 
 
 def test_few_numbers_come_before_a_small_share():
