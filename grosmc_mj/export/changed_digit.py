@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from pathlib import Path
 
-from grosmc_mj.export.compiler import FLAGS, CompiledLaw, compile_law, write_law
+from grosmc_mj.export.compiler import CompiledLaw, compile_law, write_law
 from grosmc_mj.export.law import LawInC
 
 # Relative change of the number: its seventh digit.
@@ -20,7 +19,6 @@ def changed_source(law: LawInC) -> str | None:
     It is the first number of the law that is not zero or, of a law without numbers, of its code.
     """
     source = law.source
-    begin = 0
     if law.numbers.members:
         begin = source.index(f"{law.numbers.name} = {{")
     else:
@@ -33,16 +31,13 @@ def changed_source(law: LawInC) -> str | None:
     return None
 
 
-def compile_changed(
-    law: LawInC, folder: Path, compiler: str, flags: Sequence[str] = FLAGS
-) -> CompiledLaw | None:
+def compile_changed(law: LawInC, folder: Path, compiler: str) -> CompiledLaw | None:
     """Compile the law with one number changed; None if it has no number to change.
 
     Args:
         law: The law.
         folder: An empty folder for its files.
         compiler: Path of the compiler.
-        flags: Options of the compiler.
 
     Raises:
         SetupError: If it does not compile.
@@ -52,4 +47,4 @@ def compile_changed(
         return None
     _, path = write_law(law, folder)
     path.write_text(source, encoding="utf-8")
-    return compile_law(law, folder, compiler, flags)
+    return compile_law(law, folder, compiler)

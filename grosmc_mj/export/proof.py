@@ -21,7 +21,7 @@ from grosmc_mj.export.in_simulation import (
     remembered_by,
 )
 from grosmc_mj.export.law import LawInC
-from grosmc_mj.export.samples import c_answers, compare_at_samples, random_runs
+from grosmc_mj.export.samples import c_answers, compare_at_samples, random_runs, unequal_bits
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.simulation.simulate import simulate
@@ -179,10 +179,9 @@ class Proof:
 
 
 def _unequal(a: Array, b: Array) -> Any:
-    """Whether rows differ in any bit, (N,); NaN is equal to itself."""
-    same = (a == b) & (np.signbit(a) == np.signbit(b))
-    same |= np.isnan(a) & np.isnan(b)
-    return ~same.all(axis=tuple(range(1, same.ndim)))
+    """Whether rows differ in any bit, (N,)."""
+    unequal = unequal_bits(a, b)
+    return unequal.any(axis=tuple(range(1, unequal.ndim)))
 
 
 def prove(

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from grosmc_mj.export.compiler import RunningLaw
 from grosmc_mj.export.law import UNDEFINED_INPUT, UNDEFINED_LAW, LawInC
@@ -34,17 +35,15 @@ class Answer(NamedTuple):
 
     def equals(self, other: Answer) -> bool:
         """Return True if an answer is the same to the last bit; NaN is equal to itself."""
-        return (
-            self.code == other.code
-            and _equal_bits(self.u, other.u)
-            and _equal_bits(self.memory, other.memory)
-        )
+        numbers = np.concatenate([self.u, self.memory])
+        others = np.concatenate([other.u, other.memory])
+        return self.code == other.code and not unequal_bits(numbers, others).any()
 
 
-def _equal_bits(a: Array, b: Array) -> bool:
-    """Return True if numbers are the same to the last bit, zeros of both signs told apart."""
-    same_sign = (np.signbit(a) == np.signbit(b)) | np.isnan(a)
-    return np.array_equal(a, b, equal_nan=True) and bool(same_sign.all())
+def unequal_bits(a: Array, b: Array) -> NDArray[np.bool_]:
+    """Return where numbers differ in any bit; NaN is equal to itself, 0 is not -0."""
+    same = (a == b) & (np.signbit(a) == np.signbit(b))
+    return ~(same | (np.isnan(a) & np.isnan(b)))
 
 
 def random_runs(start: Sequence[float], count: int) -> list[Array]:

@@ -68,7 +68,7 @@ class Grammar:
 
     @property
     def valid(self) -> str:
-        """What a formula may have, for messages."""
+        """Names, operators and functions of a formula, for messages."""
         return f"{', '.join((*self.names, *self._words, *self.functions))} and numbers"
 
     def read(self, text: str) -> Node:

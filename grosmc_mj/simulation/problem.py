@@ -1,4 +1,4 @@
-"""What is to be run, with its metrics, and what an engine writes of it.
+"""Description of simulations, their metrics, and the record that an engine writes.
 
 ``Problem`` has been checked and is ready to run; ``Record`` has its rows, which need memory.
 """

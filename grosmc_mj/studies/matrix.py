@@ -90,7 +90,7 @@ def verdict_chart(
 
 
 def _marks(row: Verdict) -> str:
-    """What the colour of a cell cannot say: draws, and marks."""
+    """Draws that keep all, and marks: a cell's colour does not show them."""
     draws = f"{row.kept_draws} of {row.draws}" if row.partly else ""
     return " ".join(filter(None, (draws, row.marks)))
 

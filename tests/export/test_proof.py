@@ -1,4 +1,4 @@
-"""What the proof of an exported law notices: faults put in between emission and compilation."""
+"""Faults put into an exported law between emission and compilation: the proof notices them."""
 
 from __future__ import annotations
 

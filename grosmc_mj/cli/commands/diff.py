@@ -51,7 +51,7 @@ class DiffCommand(AnsweringCommand):
 
 
 class _DiffQuestion(Question):
-    """What changed between two results, and what got worse."""
+    """Changes between two results, and which of them are for the worse."""
 
     def __init__(self, command: DiffCommand) -> None:
         self.path = command.out / "diff.json"

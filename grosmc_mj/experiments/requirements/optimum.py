@@ -36,11 +36,6 @@ class Comparison(NamedTuple):
         return _size(self.z[:, self.outputs])
 
     @property
-    def optimal_error(self) -> Array:
-        """Error of the optimal trajectory, or its norm, (N + 1,)."""
-        return _size(self.optimal[:, self.outputs])
-
-    @property
     def deviation(self) -> Array:
         """Distance of the outputs from the optimal trajectory, (N + 1,)."""
         return _size((self.z - self.optimal)[:, self.outputs])

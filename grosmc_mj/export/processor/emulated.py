@@ -78,7 +78,7 @@ class EmulatedLaw:
     def begin(self, memory: Array, start: Array) -> None:
         """Begin a run: the memory, flat, shows that of the processor."""
         self._ask(_BEGIN, 0.0, start)
-        memory[:] = self._answer()[2 + self._inputs :]
+        self._show_memory(self._answer(), memory)
 
     def step(self, t: float, x: Array, memory: Array, u: Array) -> int:
         """Make one sample of a law alone, see ``CompiledLaw``."""
@@ -89,14 +89,14 @@ class EmulatedLaw:
         self._ask(_STEP, clock, np.concatenate([y, fresh]))
         answer = self._answer()
         self.instructions.append(answer[1] / self.processor.clock / _INSTRUCTION)
-        u[:] = answer[2 : 2 + self._inputs]
-        memory[:] = answer[2 + self._inputs :]
+        u[:] = answer[2 : 2 + len(u)]
+        self._show_memory(answer, memory)
         return int(answer[0])
 
     def missed(self, memory: Array) -> None:
         """Tell a law with its loop that its last output was not sent in time."""
         self._ask(_MISSED, 0.0, np.zeros(0))
-        memory[:] = self._answer()[2 + self._inputs :]
+        self._show_memory(self._answer(), memory)
 
     @property
     def size(self) -> Size:
@@ -112,9 +112,9 @@ class EmulatedLaw:
         self._ask(_STACK, 0.0, np.zeros(0))
         return int(self._answer()[0])
 
-    @property
-    def _inputs(self) -> int:
-        return len(self.law.system.inputs)
+    def _show_memory(self, answer: Array, memory: Array) -> None:
+        """Write the memory of the processor, which stands behind the inputs in an answer."""
+        memory[:] = answer[2 + len(self.law.system.inputs) :]
 
     def _ask(self, kind: int, when: float, signals: Array) -> None:
         """Send what is asked."""

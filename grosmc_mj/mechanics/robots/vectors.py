@@ -10,11 +10,11 @@ from typing import Any
 
 from grosmc_mj.ground.compilation.jitable import jitable
 
-Vector = tuple[float, float, float]
+Triple = tuple[float, float, float]
 
 
 @jitable
-def row(rows: Any, i: int, j: int) -> Vector:
+def row(rows: Any, i: int, j: int) -> Triple:
     """Read a row of an array, (n, k, 3)."""
     return rows[i, j, 0], rows[i, j, 1], rows[i, j, 2]
 
@@ -36,13 +36,13 @@ def add(rows: Any, i: int, j: int, a: Any) -> None:
 
 
 @jitable
-def plus(a: Any, b: Any) -> Vector:
+def plus(a: Any, b: Any) -> Triple:
     """Sum of two vectors."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @jitable
-def times(factor: float, a: Any) -> Vector:
+def times(factor: float, a: Any) -> Triple:
     """Vector times a number."""
     return factor * a[0], factor * a[1], factor * a[2]
 
@@ -54,7 +54,7 @@ def dot(a: Any, b: Any) -> float:
 
 
 @jitable
-def cross(a: Any, b: Any) -> Vector:
+def cross(a: Any, b: Any) -> Triple:
     """Vector product."""
     return (
         a[1] * b[2] - a[2] * b[1],
@@ -64,7 +64,7 @@ def cross(a: Any, b: Any) -> Vector:
 
 
 @jitable
-def turned(matrices: Any, i: int, a: Any) -> Vector:
+def turned(matrices: Any, i: int, a: Any) -> Triple:
     """Product of matrix i, in the first rows of an array (n, k, 3), and a vector."""
     x = matrices[i, 0, 0] * a[0] + matrices[i, 0, 1] * a[1] + matrices[i, 0, 2] * a[2]
     y = matrices[i, 1, 0] * a[0] + matrices[i, 1, 1] * a[1] + matrices[i, 1, 2] * a[2]
@@ -73,7 +73,7 @@ def turned(matrices: Any, i: int, a: Any) -> Vector:
 
 
 @jitable
-def turned_back(matrices: Any, i: int, a: Any) -> Vector:
+def turned_back(matrices: Any, i: int, a: Any) -> Triple:
     """Product of the transpose of matrix i and a vector."""
     x = matrices[i, 0, 0] * a[0] + matrices[i, 1, 0] * a[1] + matrices[i, 2, 0] * a[2]
     y = matrices[i, 0, 1] * a[0] + matrices[i, 1, 1] * a[1] + matrices[i, 2, 1] * a[2]

@@ -320,7 +320,7 @@ def _failed(rows: Sequence[Verdict]) -> Verdict | None:
 
 
 def _standing_words(rows: Sequence[Verdict]) -> str:
-    """What breaks under these conditions."""
+    """Conditions that are not kept, each with the requirement that breaks."""
     return "; ".join(f"{row.condition}: {row.words}" for row in _refused(rows))
 
 

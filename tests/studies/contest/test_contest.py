@@ -135,9 +135,16 @@ def test_few_numbers_come_before_a_small_share():
     def law(name: str, numbers: int, share: float) -> ContestLaw:
         verdict = {"law": name, "share": share}
         number = {
-            "path": "k", "unit": "", "before": 1.0, "after": 1.0, "low": 0.1, "high": 10.0,
-            "grown": False, "at_end": False, "logarithmic": True,
-        }  # fmt: skip
+            "path": "k",
+            "unit": "",
+            "before": 1.0,
+            "after": 1.0,
+            "low": 0.1,
+            "high": 10.0,
+            "grown": False,
+            "at_end": False,
+            "logarithmic": True,
+        }
         return ContestLaw.model_validate(
             {
                 "law": name,
