@@ -16,7 +16,8 @@ from grosmc_mj.ground.errors import value_text
 
 AnyCommand = TypeVar("AnyCommand", bound="Command")
 
-# The last panel of a command's help.
+# Panels of a command's help: of the options of a search, and the last one.
+SEARCH = Group("Search", sort_key=1)
 OUTPUT = Group("Output", sort_key=9)
 
 # A line break within a paragraph of a docstring, or within the text of an attribute.

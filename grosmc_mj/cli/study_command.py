@@ -11,13 +11,15 @@ from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.answering import AnsweringCommand, Question
-from grosmc_mj.cli.command import OUTPUT, Flag, Out
+from grosmc_mj.cli.command import OUTPUT, SEARCH, Flag, Out, WholeNumber
 from grosmc_mj.cli.films import write_with_progress
 from grosmc_mj.cli.targets import result_name
 
 if TYPE_CHECKING:
     from grosmc_mj.output.films.film import Film
     from grosmc_mj.output.results.result import Result
+
+SearchNumber = Annotated[WholeNumber, Parameter(group=SEARCH)]
 
 AnyStudy = TypeVar("AnyStudy", bound=Any)
 AnyRow = TypeVar("AnyRow")
@@ -149,3 +151,45 @@ class FilmedStudyCommand(StudyCommand[AnyStudy, AnyRow]):
         if self.film:
             film = self.film_of(study, rows)
             write_with_progress(screen.console(), study.case, film, path, gif=self.gif)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchStudyCommand(StudyCommand[AnyStudy, AnyRow]):
+    """Command of a study that searches numbers of laws.
+
+    Attributes:
+        conditions: Conditions that all is asked under.
+        runs: Runs of each law's search at most.
+        draws: Draws of what is random in the loop that designs are tuned on.
+        held_out: Other draws that the numbers found are judged on.
+        plants: Random plants of [[uncertain]] that designs must keep, too; --held-out others judge.
+        seed: Seed of the search and of the plants.
+    """
+
+    conditions: Annotated[
+        tuple[str, ...], Parameter(metavar="NAME...", show_default="all", group=SEARCH)
+    ] = ()
+    runs: SearchNumber = 3000
+    draws: SearchNumber = 4
+    held_out: SearchNumber = 20
+    plants: SearchNumber = 0
+    seed: SearchNumber = 0
+
+    def search_options(self) -> dict[str, Any]:
+        """Return the options of the search by their names.
+
+        Raises:
+            ArgumentError: If a number of draws is out of bounds.
+        """
+        from grosmc_mj.studies.sweep.draws import require_draws
+
+        require_draws(self.draws)
+        require_draws(self.held_out, "--held-out")
+        return {
+            "conditions": self.conditions,
+            "runs": self.runs,
+            "draws": self.draws,
+            "held_out": self.held_out,
+            "plants": self.plants,
+            "seed": self.seed,
+        }

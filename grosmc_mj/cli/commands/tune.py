@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from grosmc_mj.cli.command import Target, WholeNumber, command
-from grosmc_mj.cli.study_command import StudyCommand
+from grosmc_mj.cli.command import Target, command
+from grosmc_mj.cli.study_command import SearchStudyCommand
 from grosmc_mj.cli.targets import result_name
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @command
-class TuneCommand(StudyCommand["TuneStudy", "TunedLaw"]):
+class TuneCommand(SearchStudyCommand["TuneStudy", "TunedLaw"]):
     """Find numbers with which a law keeps all that a case requires.
 
     Each law's numbers are searched in its loop and on its machine as built: designs by the hundred,
@@ -43,14 +43,6 @@ class TuneCommand(StudyCommand["TuneStudy", "TunedLaw"]):
             "laws.adrc.bandwidth=1 Hz..80 Hz" or laws.lqr.Q[1], and with one law those of an
             estimator, "estimator.rotor speed.bandwidth=20..300"; a range above 0 is searched by the
             logarithm.
-        conditions: Conditions that all is asked under.
-        runs: Runs of each law at most.
-        draws: Draws of a loop with an encoder, noise, jitter or missed samples that designs are
-            tuned on.
-        held_out: Other draws that the best design is judged on.
-        plants: Random plants of the case's [[uncertain]] that designs are tuned on, too; as many
-            other ones as --held-out judge.
-        seed: Seed of the search and of the plants.
     """
 
     target: Target
@@ -59,31 +51,12 @@ class TuneCommand(StudyCommand["TuneStudy", "TunedLaw"]):
     number: Annotated[
         tuple[str, ...], Parameter(metavar="PATH=LOW..HIGH...", show_default="the law's own")
     ] = ()
-    conditions: Annotated[tuple[str, ...], Parameter(metavar="NAME...", show_default="all")] = ()
-    runs: WholeNumber = 3000
-    draws: WholeNumber = 4
-    held_out: WholeNumber = 20
-    plants: WholeNumber = 0
-    seed: WholeNumber = 0
 
     def study(self) -> TuneStudy:
         """Return the target with the laws and numbers that are tuned."""
-        from grosmc_mj.studies.sweep.draws import require_draws
         from grosmc_mj.studies.tune.tune import tune_study
 
-        require_draws(self.draws)
-        require_draws(self.held_out, "--held-out")
-        return tune_study(
-            self.target,
-            self.law,
-            self.number,
-            conditions=self.conditions,
-            runs=self.runs,
-            draws=self.draws,
-            held_out=self.held_out,
-            plants=self.plants,
-            seed=self.seed,
-        )
+        return tune_study(self.target, self.law, self.number, **self.search_options())
 
     def result(self, study: TuneStudy, rows: Sequence[TunedLaw], *, complete: bool) -> Result:
         """Return the result of a tuning."""

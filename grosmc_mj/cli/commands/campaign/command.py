@@ -11,7 +11,7 @@ from cyclopts import Group, Parameter
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.answering import AnsweringCommand, Question
-from grosmc_mj.cli.command import OUTPUT, Figures, Flag, Laws, WholeNumber, command
+from grosmc_mj.cli.command import OUTPUT, SEARCH, Figures, Flag, Laws, WholeNumber, command
 from grosmc_mj.cli.targets import TARGET
 from grosmc_mj.ground.errors import ArgumentError
 
@@ -37,7 +37,6 @@ _FOLDER = Path("renders") / "campaigns"
 _MOST_EVALUATIONS = 10**7
 
 # Panels of the help, below the options that matter most.
-_SEARCH = Group("Search", sort_key=1)
 _SAMPLING = Group("Sampling", sort_key=2)
 _SIMULATION = Group("Simulation", sort_key=3)
 _EXECUTION = Group("Execution", sort_key=4)
@@ -110,7 +109,7 @@ class CampaignCommand(AnsweringCommand):
     resume: Flag = False
     plant: Annotated[str | None, Parameter(metavar="WHICH")] = None
 
-    evaluations: Annotated[WholeNumber, Parameter(group=_SEARCH)] = 1024
+    evaluations: Annotated[WholeNumber, Parameter(group=SEARCH)] = 1024
 
     sampler: Annotated[str, Parameter(metavar="random|corners", group=_SAMPLING)] = "random"
     seed: Annotated[WholeNumber, Parameter(group=_SAMPLING)] = 0

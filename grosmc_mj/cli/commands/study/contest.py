@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from grosmc_mj.cli.command import Target, WholeNumber, command
-from grosmc_mj.cli.study_command import StudyCommand
+from grosmc_mj.cli.study_command import SearchStudyCommand
 
 if TYPE_CHECKING:
     from grosmc_mj.output.results.result import Result
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @command
-class ContestCommand(StudyCommand["ContestStudy", "ContestLaw"]):
+class ContestCommand(SearchStudyCommand["ContestStudy", "ContestLaw"]):
     """Tune all laws of a case by one budget, and find the simplest that keeps all.
 
     Each law of the case and each rival is tuned as by grosmc-mj tune, by the same budget of runs
@@ -36,15 +36,7 @@ class ContestCommand(StudyCommand["ContestStudy", "ContestLaw"]):
     Attributes:
         target: A system, which means its machine, a case, or a case file.
         laws: Laws that contend.
-        conditions: Conditions that all is asked under.
-        runs: Runs of each law's search at most.
-        draws: Draws of a loop with an encoder, noise, jitter or missed samples that designs are
-            tuned on.
-        held_out: Other draws that all are judged on.
-        plants: Random plants of the case's [[uncertain]] that designs are tuned on, too; as many
-            other ones as --held-out judge.
         margin_draws: Draws that margins of gain and delay are searched on.
-        seed: Seed of the searches and of the plants.
     """
 
     target: Target
@@ -52,32 +44,16 @@ class ContestCommand(StudyCommand["ContestStudy", "ContestLaw"]):
     laws: Annotated[
         tuple[str, ...], Parameter(metavar="NAME...", show_default="all and the rivals")
     ] = ()
-    conditions: Annotated[tuple[str, ...], Parameter(metavar="NAME...", show_default="all")] = ()
-    runs: WholeNumber = 3000
-    draws: WholeNumber = 4
-    held_out: WholeNumber = 20
-    plants: WholeNumber = 0
     margin_draws: WholeNumber = 2
-    seed: WholeNumber = 0
 
     def study(self) -> ContestStudy:
         """Return the target with the laws that contend."""
         from grosmc_mj.studies.contest.contest import contest_study
         from grosmc_mj.studies.sweep.draws import require_draws
 
-        require_draws(self.draws)
-        require_draws(self.held_out, "--held-out")
         require_draws(self.margin_draws, "--margin-draws")
         return contest_study(
-            self.target,
-            self.laws,
-            conditions=self.conditions,
-            runs=self.runs,
-            draws=self.draws,
-            held_out=self.held_out,
-            plants=self.plants,
-            margin_draws=self.margin_draws,
-            seed=self.seed,
+            self.target, self.laws, margin_draws=self.margin_draws, **self.search_options()
         )
 
     def result(self, study: ContestStudy, rows: Sequence[ContestLaw], *, complete: bool) -> Result:
