@@ -64,10 +64,12 @@ def by_hand(y: list[float], limit: float = math.inf, tracking_time: float = 0.0)
     kp, ki, kd, filter_time = NUMBERS.values()
     integral = rate = 0.0
     inputs = []
-    for k, now in enumerate(y):
-        before = y[max(k - 1, 0)]
-        # rate' = (c r - y)' through 1/(T_f s + 1), by backward Euler; r does not move.
-        rate = (filter_time * rate + (c * r - now) - (c * r - before)) / (filter_time + PERIOD)
+    # The setpoint steps from the output at the start.
+    last = c * y[0] - y[0]
+    for now in y:
+        # rate' = (c r - y)' through 1/(T_f s + 1), by backward Euler.
+        rate = (filter_time * rate + (c * r - now) - last) / (filter_time + PERIOD)
+        last = c * r - now
         wanted = kp * (b * (r - y[0]) - (now - y[0])) + integral + kd * rate
         u = float(np.clip(wanted, -limit, limit))
         inputs.append(u)
@@ -103,6 +105,19 @@ def test_without_its_weight_the_rate_of_a_setpoint_does_not_count() -> None:
     y = run.state[:-1, 0]
     assert run.input[0] == 0
     assert run.input[1:] == pytest.approx(-2.0 * np.diff(y) / PERIOD, abs=1e-9)
+
+
+@pytest.mark.parametrize(("weight", "kick"), [(1.0, 0.6 * 1.5 / PERIOD), (0.5, 0.3 * 1.5 / PERIOD)])
+def test_a_step_at_the_start_kicks_as_its_weight_says(weight: float, kick: float) -> None:
+    """The setpoint steps by 0.6 rad in a period: u = kd c (r - y_0) / T."""
+    run = run_servo(kp=0.0, ki=0.0, kd=1.5, filter=0.0, rate_setpoint_weight=weight)
+    assert run.input[0] == pytest.approx(kick)
+
+
+def test_an_operating_point_that_is_held_does_not_kick(tmp_path: Path) -> None:
+    """It has always been the setpoint; only the pole's own motion counts."""
+    run = load(tmp_path, CARTPOLE.replace("kp = 20", "kp = 20\nkd = 1")).run().trajectory
+    assert run.input[0] == pytest.approx(-20 * math.radians(3))
 
 
 def test_an_integral_that_held_overshoots_less_than_one_that_wound_up() -> None:

@@ -102,8 +102,10 @@ class Pid(LawKind):
     with the output y, its value y_0 at the first sample, its setpoint r, and the rate d of c r - y
     through a first-order filter: K. J. Astrom and T. Hagglund, "Advanced PID Control", 2006,
     sections 3.3 to 3.5. With b = c = 1 it is PID of the error r - y. The law sees no rate: d is
-    the difference of two samples, filtered by backward Euler. u_e is the operating point's input,
-    0 for a task without one. With several inputs there is an output for each.
+    the difference of two samples, filtered by backward Euler. Before the first sample r is y_0, so
+    a reference that begins elsewhere is a step, with a kick of c kd (r - y_0) in the rate; an
+    operating point has always been held. u_e is the operating point's input, 0 for a task without
+    one. With several inputs there is an output for each.
 
     An input is cut off at its limit, by default those of the task. Meanwhile the integral holds if
     it would push further beyond or, with a tracking time T_t, is driven back by the excess over
@@ -298,6 +300,8 @@ def _law(error: OutputCoordinates | StateCoordinates, rows: tuple[int, ...]) -> 
     apply, _ = error.input_maps(linearizing=False)
     controlled = np.array(rows)
     sign = float(error.sign)
+    # Before t = 0 a reference is where the output is; an operating point has always been held.
+    steps = isinstance(error, OutputCoordinates)
 
     def law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
         z = memory.z
@@ -311,8 +315,9 @@ def _law(error: OutputCoordinates | StateCoordinates, rows: tuple[int, ...]) -> 
             y = r[i] - e
             weighted = p.rate_setpoint_weight * r[i] - y
             if not memory.begun:
+                r_before = y if steps else r[i]
                 memory.first_output[i] = y
-                memory.last[i] = weighted
+                memory.last[i] = p.rate_setpoint_weight * r_before - y
             y_0 = memory.first_output[i]
 
             quotient = (weighted - memory.last[i]) / p.period
