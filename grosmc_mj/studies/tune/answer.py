@@ -101,21 +101,13 @@ def conflict(row: TunedLaw) -> Conflict | None:
     The tightest requirement at the best design fights the one that is the tightest where it alone
     is kept best.
     """
-    first = binding(_counted(row.designs[row.best], row.unfailing))
+    first = binding(shares_of(row.designs[row.best]))
     key = first.condition, first.requirement
-    designs = [_counted(design, row.unfailing) for design in row.designs if design.complete]
+    designs = [shares_of(design) for design in row.designs if design.complete]
     shares = min(designs, key=lambda shares: shares.get(key, math.inf))
     if shares.get(key, math.inf) > _NOTABLY_LESS * first.share:
         return None
     return Conflict(first, shares[key], binding(shares))
-
-
-def _counted(
-    design: TriedDesign, unfailing: Iterable[tuple[str, str]]
-) -> dict[tuple[str, str], float]:
-    """Shares that a design uses of the limits that a run can fail."""
-    excluded = set(unfailing)
-    return {key: share for key, share in shares_of(design).items() if key not in excluded}
 
 
 # -- words -----------------------------------------------------------------------------------------
@@ -123,7 +115,7 @@ def _counted(
 
 def _answer(study: TuneStudy, row: TunedLaw) -> Answer:
     """The answer on a law."""
-    bound = binding(_counted(row.designs[row.best], row.unfailing))
+    bound = binding(shares_of(row.designs[row.best]))
     runs = f"{row.runs:,} runs"
     more = ""
     if not row.complete:
@@ -249,7 +241,7 @@ def _over_search(row: TunedLaw) -> LineChart:
         if not design.complete or design.value >= best:
             continue
         best = design.value
-        for (condition, requirement), share in _counted(design, row.unfailing).items():
+        for (condition, requirement), share in shares_of(design).items():
             x, y = lines.setdefault(Binding(condition, requirement, share).words, ([], []))
             x.append(float(index + 1))
             y.append(finite(share))
@@ -274,7 +266,7 @@ def _number_map(row: TunedLaw) -> LineChart:
     x = [row.numbers[first].value(coordinate) for coordinate in points[:, first].tolist()]
     y: list[Any]
     if first == second:
-        y = [finite(share) for share in np.exp(np.minimum(values, 50.0)).tolist()]
+        y = [finite(design.share) for design in designs]
         y_title = "share of the tightest limit"
     else:
         y = [row.numbers[second].value(coordinate) for coordinate in points[:, second].tolist()]
@@ -457,7 +449,7 @@ def _verdicts(rows: Iterable[TunedLaw]) -> list[Verdict]:
     """Verdicts on the tuned laws, on draws of no search; of an interrupted one that of its best."""
     verdicts = []
     for row in rows:
-        bound = binding(_counted(row.designs[row.best], row.unfailing))
+        bound = binding(shares_of(row.designs[row.best]))
         best = Verdict(
             law=row.law,
             step=TUNED,
@@ -479,7 +471,7 @@ def _law_document(row: TunedLaw) -> dict[str, Any]:
     """Row of a law as plain values."""
     found = conflict(row)
     return {
-        **row.model_dump(exclude={"designs", "unfailing"}),
+        **row.model_dump(exclude={"designs"}),
         "found": row.found,
         "kept": row.kept,
         "conflict": None if found is None else found.words,

@@ -58,7 +58,6 @@ class TunedLaw(BaseModel):
         designs: Designs that were tried, in their order.
         best: Index of the best one.
         runs: Runs of the search.
-        unfailing: Conditions with requirements that no run can fail.
         before: Verdicts on the numbers of the file on other draws, by condition.
         after: Verdicts on the best design on these draws; none if the search was interrupted.
         complete: False if the search was interrupted.
@@ -71,7 +70,6 @@ class TunedLaw(BaseModel):
     designs: list[TriedDesign]
     best: int
     runs: int
-    unfailing: list[tuple[str, str]] = []
     before: list[Verdict] = []
     after: list[Verdict] = []
     complete: bool = True

@@ -119,11 +119,13 @@ class Best:
     Attributes:
         value: Its value.
         point: The point, (d,).
+        index: Number of the point among all.
         runs: Runs that had been made when it was found.
     """
 
     value: float
     point: Array
+    index: int
     runs: int
 
 
@@ -221,7 +223,8 @@ class Search:
     def _keep_best(self, points: Array, values: Array) -> None:
         best = int(values.argmin())
         if not self.history or values[best] < self.history[-1].value:
-            self.history.append(Best(float(values[best]), points[best].copy(), self.runs))
+            index = self.points - len(points) + best
+            self.history.append(Best(float(values[best]), points[best].copy(), index, self.runs))
 
     def _new_population(self, random: np.random.Generator, first: Array | None) -> Array:
         """Points that fill the ranges evenly, (n, d); the first one may be given."""

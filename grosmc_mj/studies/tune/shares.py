@@ -1,4 +1,4 @@
-"""Measure of designs of a law: the worst share of the tightest limit, over conditions and draws."""
+"""Measure of designs of a law: shares of the tightest limit, over conditions and draws."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ from grosmc_mj.studies.tune.conditions import TuningCondition
 from grosmc_mj.studies.tune.numbers import Design, TunableLaw
 
 # Value of a design that cannot be made; no run comes near it.
-_REFUSED = 1e3
+_REFUSED = 1e4
+# Logarithm of the largest share that a value tells from a larger one.
+_LARGEST = 300.0
 # Least share that a value tells from none at all.
 _LEAST_SHARE = 1e-6
 
@@ -29,18 +31,36 @@ class TriedDesign(BaseModel):
 
     Attributes:
         point: Coordinates of its numbers, (d,).
-        value: Logarithm of the worst share; of one that lost a race, at least that of its parent.
-        shares: Share used of each limit in the worst draw, by condition and requirement; of one
-            that lost, of the runs that were made.
-        complete: Whether all its runs were made.
+        tightest: Logarithm of the share of the tightest limit in the worst draw, by condition.
+        shares: Share used in the worst draw of each limit that a run can fail, by condition and
+            requirement.
+        complete: Whether all its runs were made; of one that lost a race the others are missing.
         refused: Why it cannot be designed; empty if it can.
     """
 
     point: list[float]
-    value: float
+    tightest: dict[str, float] = {}
     shares: dict[str, dict[str, Unlimited]] = {}
     complete: bool = True
     refused: str = ""
+
+    @property
+    def value(self) -> float:
+        """Value that a search lowers; no further run of the design can lower it.
+
+        Where limits are exceeded it is the sum of their logarithms over the conditions: a condition
+        that cannot be kept is no reason to give up another one. Where all is kept it is that of the
+        worst condition, 0 at most.
+        """
+        if self.refused:
+            return _REFUSED
+        exceeded = sum(max(0.0, tightest) for tightest in self.tightest.values())
+        return exceeded or max(self.tightest.values(), default=-math.inf)
+
+    @property
+    def share(self) -> float:
+        """Share of the tightest limit under the worst condition; infinite without a run."""
+        return math.exp(max(self.tightest.values(), default=math.inf))
 
 
 class TriedDesigns(BaseModel):
@@ -62,17 +82,17 @@ class TriedDesigns(BaseModel):
 
 @dataclass(eq=False)
 class Measure:
-    """Worst share of the tightest limit of designs of a law, as a function that a search asks.
+    """Shares of the tightest limits of designs of a law, as a function that a search asks.
 
-    Its value is a logarithm: 0 for a limit that is just kept. A run that ended early or never gets
-    there has one, too: the longer it lasted, and the nearer it came, the better.
+    A run that ended early or never gets there has a share, too: the longer it lasted, and the
+    nearer it came, the smaller.
 
     Attributes:
         law: The law with its numbers.
         conditions: Conditions, in the order in which designs are run under them.
         limits: Requirements by condition.
         unfailing: Names of requirements by condition that no run can fail: they are judged, and
-            have no part in the value.
+            have no part in the search.
         races: Whether a design that is worse than its parent already runs no more.
     """
 
@@ -118,15 +138,13 @@ class Measure:
             points: Coordinates of the designs' numbers, (n, d).
             beat: Value that each has to beat, (n,).
         """
-        designs = [TriedDesign(point=point.tolist(), value=-math.inf) for point in points]
+        designs = [TriedDesign(point=point.tolist()) for point in points]
         laws: dict[int, Design] = {}
         for index, point in enumerate(points):
             try:
                 laws[index] = self.law.designed(self.law.values_at(point))
             except (GrosmcError, ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
-                designs[index] = designs[index].model_copy(
-                    update={"value": _REFUSED, "refused": str(error)}
-                )
+                designs[index].refused = str(error)
 
         runs = 0
         for item, draws in self._stages():
@@ -135,7 +153,7 @@ class Measure:
                 designs[index].complete = False
             if not racing:
                 break
-            outcomes = self.outcomes([laws[i] for i in racing], item, draws)
+            outcomes = self._outcomes([laws[i] for i in racing], item, draws, self._asked(item))
             runs += len(racing) * len(draws)
             for place, index in enumerate(racing):
                 rows = range(place * len(draws), (place + 1) * len(draws))
@@ -150,8 +168,18 @@ class Measure:
             stages.append((first, range(1, first.draws)))
         return stages + [(item, range(item.draws)) for item in self.conditions[1:]]
 
-    def outcomes(
-        self, designs: Sequence[Design], item: TuningCondition, draws: Sequence[int]
+    def _asked(self, item: TuningCondition) -> list[Requirement]:
+        """Requirements that a run can fail; all of them if there is none."""
+        limits = self.limits[item.name]
+        can_fail = [limit for limit in limits if limit.name not in self.unfailing[item.name]]
+        return can_fail or list(limits)
+
+    def _outcomes(
+        self,
+        designs: Sequence[Design],
+        item: TuningCondition,
+        draws: Sequence[int],
+        limits: Sequence[Requirement],
     ) -> Outcomes:
         """Run designs in draws of a condition: row i * draws + j is draw j of design i."""
         experiment = item.condition.experiment
@@ -165,21 +193,19 @@ class Measure:
         return run_rows(
             experiment,
             rows,
-            self.limits[item.name],
+            limits,
             experiment.nominal.truest,
             keep_impossible=True,
-            unfailing=self.unfailing[item.name],
         )
 
     def _note(
         self, design: TriedDesign, item: TuningCondition, outcomes: Outcomes, rows: Sequence[int]
     ) -> None:
         """Note the runs of a design under a condition."""
-        order = outcomes["order"][list(rows)]
         # The order of a run that cannot be made has no bound.
-        used = np.minimum(1 - order, math.exp(_REFUSED / 2))
-        value = float(np.log(np.maximum(used, _LEAST_SHARE)).max())
-        design.value = max(design.value, value)
+        used = np.clip(1 - outcomes["order"][list(rows)], _LEAST_SHARE, math.exp(_LARGEST))
+        worst = float(np.log(used).max())
+        design.tightest[item.name] = max(design.tightest.get(item.name, worst), worst)
 
         shares = design.shares.setdefault(item.name, {})
         for row in rows:
@@ -198,7 +224,7 @@ class Measure:
         verdicts = []
         for item in self.conditions:
             draws = range(first, first + count) if item.drawn else range(1)
-            outcomes = self.outcomes([design], item, draws)
+            outcomes = self._outcomes([design], item, draws, self.limits[item.name])
             runs = [
                 self._counted(outcomes.verdict(row, draw=number), item)
                 for row, number in enumerate(draws)

@@ -210,18 +210,12 @@ class LawTuning:
         worst = dict.fromkeys(self._measure.limits, 0.0)
         for design in self.designs:
             for name, shares in design.shares.items():
-                counted = [
-                    share
-                    for limit, share in shares.items()
-                    if limit not in self._measure.unfailing[name]
-                ]
-                worst[name] += math.log(max(1e-6, min(max(counted, default=0.0), 1e6)))
+                worst[name] += math.log(max(1e-6, min(max(shares.values()), 1e6)))
         self._measure.conditions.sort(key=lambda item: -worst[item.name])
 
     def _words(self) -> str:
         """The best share so far, in words."""
-        best = self.designs[self._best].value
-        return f"{math.exp(min(best, 50.0)):.3g} of the tightest limit"
+        return f"{self.designs[self._best].share:.3g} of the tightest limit"
 
     @property
     def _best(self) -> int:
@@ -255,18 +249,13 @@ class LawTuning:
         return TunedLaw(
             law=self._law.name,
             numbers=self._number_rows(values),
-            share=math.exp(min(best.value, 700.0)),
+            share=best.share,
             history=[
-                (found.runs, math.exp(min(found.value, 700.0))) for found in self._search.history
+                (found.runs, self.designs[found.index].share) for found in self._search.history
             ],
             designs=self.designs,
             best=self._best,
             runs=self._runs,
-            unfailing=[
-                (name, limit)
-                for name, limits in self._measure.unfailing.items()
-                for limit in sorted(limits)
-            ],
             before=before,
             after=after,
             complete=complete,

@@ -167,7 +167,8 @@ def test_the_share_of_the_first_design_is_that_of_the_law_in_the_file(tmp_path: 
     (design,) = measure.tried(first, np.array([np.inf])).designs
     (verdict,) = measure.judged(study.laws[0].as_in_file, TUNED, 0, 2)
     assert math.exp(design.value) == pytest.approx(verdict.share)
-    assert design.shares == {"nominal": verdict.shares}
+    can_fail = verdict.shares.keys() - measure.unfailing["nominal"]
+    assert design.shares == {"nominal": {name: verdict.shares[name] for name in can_fail}}
 
 
 # -- what an input limit and a run that ends do ----------------------------------------------------
@@ -198,11 +199,29 @@ def test_the_value_orders_what_never_settles(tmp_path: Path):
     assert np.all(np.diff(values) > 0)
 
 
+def test_a_condition_that_cannot_be_kept_is_no_reason_to_give_up_another_one():
+    """The worst share alone would take the second design."""
+    keeps_one = TriedDesign(point=[0.0], tightest={"loaded": math.log(7.4), "heavy": -0.2})
+    keeps_none = TriedDesign(
+        point=[1.0], tightest={"loaded": math.log(3.7), "heavy": math.log(2.8)}
+    )
+    assert keeps_one.value == math.log(7.4)
+    assert keeps_one.value < keeps_none.value
+    assert keeps_none.share == pytest.approx(3.7)
+
+
+def test_where_all_is_kept_the_worst_condition_counts():
+    roomy = TriedDesign(point=[0.0], tightest={"loaded": -0.3, "heavy": -0.4})
+    tight = TriedDesign(point=[1.0], tightest={"loaded": -0.1, "heavy": -3.0})
+    assert roomy.value == -0.3
+    assert roomy.value < tight.value
+
+
 # -- requirements that fight -----------------------------------------------------------------------
 
 
 def tried(value: float, **shares: float) -> TriedDesign:
-    return TriedDesign(point=[0.0], value=value, shares={"nominal": dict(shares)})
+    return TriedDesign(point=[0.0], tightest={"nominal": value}, shares={"nominal": dict(shares)})
 
 
 def test_two_requirements_that_fight_are_named():
