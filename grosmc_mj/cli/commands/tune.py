@@ -69,14 +69,19 @@ class TuneCommand(SearchStudyCommand["TuneStudy", "TunedLaw"]):
         from grosmc_mj.ground.files import write_whole
         from grosmc_mj.output.charts.figure import write_chart
         from grosmc_mj.output.charts.of_results import panels_chart
-        from grosmc_mj.studies.tune.answer import case_text, charts, tuned_path
+        from grosmc_mj.studies.tune.answer import charts, law_answer
+        from grosmc_mj.studies.tune.case_text import case_text, tuned_path
 
         figure = path.with_suffix(".png")
         title = f"{study.target}: tuned laws"
         write_chart(panels_chart(title, [charts(row) for row in rows]), figure)
 
-        case = tuned_path(study, self.out, result_name(study.case.path))
-        write_whole(case, case_text(study, rows))
+        name = f"{result_name(study.case.path)}_tuned.toml"
+        case = tuned_path(study.case, self.out, name)
+        values = {row.law: row.values for row in rows}
+        laws = [law for law in study.laws if law.name in values]
+        comments = [law_answer(study, row).words for row in rows]
+        write_whole(case, case_text(study.case, laws, values, comments))
         return [figure, case]
 
     def keeps(self, study: TuneStudy, rows: Sequence[TunedLaw]) -> bool:

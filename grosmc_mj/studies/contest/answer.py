@@ -26,10 +26,12 @@ from grosmc_mj.output.results.verdicts import (
     worst_failed,
     worst_of,
 )
-from grosmc_mj.studies.contest.contest import ContestStudy
+from grosmc_mj.studies.contest.contest import PIECES, ContestStudy
 from grosmc_mj.studies.contest.row import ContestLaw, Entry, simplest
+from grosmc_mj.studies.disturbance.row import ENDED
 from grosmc_mj.studies.margins.changes import DELAY, GAIN_DOWN, GAIN_UP
 from grosmc_mj.studies.matrix import conditions_document, verdict_chart
+from grosmc_mj.studies.sweep.pass_rates import pass_rate
 from grosmc_mj.studies.tune.row import AS_IN_FILE, TUNED
 
 LEGEND = (
@@ -49,10 +51,11 @@ _STEPS = {AS_IN_FILE: "file", TUNED: "tuned"}
 def contest_table(study: ContestStudy, rows: Sequence[ContestLaw]) -> Table:
     """Return the table of a contest: two rows a law, with the file's numbers and tuned ones."""
     unit = study.case.nominal.system.inputs[0].unit
-    plants = ["plants kept"] if study.has_plants else []
+    plants = ["plants kept", "95 %"] if study.has_plants else []
+    disturbance = ["worst disturbance"] if study.on else []
     columns = [
         *words("law", "with"),
-        *numbers("tuned numbers", "kept", "worst share", *plants),
+        *numbers("kept", "worst share", *plants, *disturbance),
         *numbers("delay", "gain down", "gain up"),
         *numbers(f"largest input [{unit}]", f"variation [{unit}/s]", "runs"),
     ]
@@ -61,29 +64,48 @@ def contest_table(study: ContestStudy, rows: Sequence[ContestLaw]) -> Table:
         if row.refused:
             lines.append([row.law, "not tuned", *["-"] * (len(columns) - 2)])
         for entry in row.entries:
-            count = ""
+            numbers_of = _STEPS[entry.step]
             runs = ""
             if entry.step == TUNED:
-                count = str(len(row.numbers))
+                numbers_of = f"{len(row.numbers)} tuned"
                 runs = str(row.runs)
-            lines.append([row.law, _STEPS[entry.step], count, *_cells(entry), runs])
+            lines.append([row.law, numbers_of, *_cells(study, entry), runs])
     return table("Contest", columns, lines, grouped=True, legend=LEGEND)
 
 
-def _cells(entry: Entry) -> list[str]:
+def _cells(study: ContestStudy, entry: Entry) -> list[str]:
     """Cells of a law with some numbers."""
     kept = sum(verdict.kept_draws for verdict in entry.on_machine)
     draws = sum(verdict.draws for verdict in entry.on_machine)
     plants = entry.on_plants
-    of_plants = [] if plants is None else [f"{plants.kept_draws} of {plants.draws}"]
+    of_plants: list[str] = []
+    if plants is not None:
+        rate = pass_rate(plants.kept_draws, plants.draws)
+        interval = f"{_percent(rate.low)} to {_percent(rate.high)} %"
+        of_plants = [f"{plants.kept_draws} of {plants.draws}", interval]
+    disturbance = [_of_disturbance(entry.worst_disturbance)] if study.on else []
     return [
         f"{kept} of {draws}",
         described(worst_of(entry.verdicts)).text.removesuffix("x"),
         *of_plants,
+        *disturbance,
         *(entry.margin(kind) for kind in (DELAY, GAIN_DOWN, GAIN_UP)),
         _shown(entry.largest_input),
         _shown(entry.variation),
     ]
+
+
+def _percent(end: float | None) -> str:
+    """An end of an interval [%]."""
+    assert end is not None
+    return f"{100 * end:.0f}"
+
+
+def _of_disturbance(share: float | None) -> str:
+    """Share under the worst disturbance, as text."""
+    if share is not None and share > ENDED:
+        return "ends early"
+    return _shown(share)
 
 
 def _shown(value: float | None) -> str:
@@ -164,6 +186,16 @@ def _answer(study: ContestStudy, rows: Sequence[ContestLaw], *, complete: bool) 
     )
 
 
+def contest_words(rows: Sequence[ContestLaw]) -> list[str]:
+    """Return a line on each tuned law, with its worst share on draws of no search."""
+    return [
+        f"{row.law}: {_standing_words(row.tuned.verdicts)}, {row.tuned.kept_draws} of "
+        f"{row.tuned.draws} draws keep all"
+        for row in rows
+        if row.tuned
+    ]
+
+
 def _laws(rows: Sequence[ContestLaw]) -> str:
     """The number of laws in words."""
     return f"{len(rows)} law{'' if len(rows) == 1 else 's'}"
@@ -213,6 +245,11 @@ def _remarks(study: ContestStudy) -> list[str]:
         f"{study.margin_draws}.",
         "A law that was not found to keep all may do so with other numbers, or more runs.",
     ]
+    if study.on:
+        lines.append(
+            f"Worst disturbance: share under the worst that {PIECES} pieces of {study.bound} on "
+            f"{study.on} were found to do, in one draw."
+        )
     if study.left_out:
         left_out = "; ".join(f"{name} ({why})" for name, why in study.left_out.items())
         lines.append(f"Left out: {left_out}.")

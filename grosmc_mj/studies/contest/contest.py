@@ -13,16 +13,22 @@ from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.ground.errors import ArgumentError, GrosmcError, SetupError
 from grosmc_mj.output.results.verdicts import Verdict
 from grosmc_mj.studies.contest.row import ContestLaw, Entry
+from grosmc_mj.studies.disturbance.bounded import bounded_disturbance
+from grosmc_mj.studies.disturbance.disturbance import DisturbanceStudy
 from grosmc_mj.studies.margins.task import task_margins
 from grosmc_mj.studies.rivals import variation_of
 from grosmc_mj.studies.study import CellRunner, Study, StudyCell
 from grosmc_mj.studies.target import MACHINE, Condition, StudiedLaw, case_for, laws_of, limits_in
 from grosmc_mj.studies.trials import Trial, Trials
+from grosmc_mj.studies.tune.case_text import with_requirements_of
 from grosmc_mj.studies.tune.conditions import PLANTS
 from grosmc_mj.studies.tune.laws import tunable_laws
 from grosmc_mj.studies.tune.numbers import TunableLaw
 from grosmc_mj.studies.tune.row import AS_IN_FILE, TUNED, TunedLaw
 from grosmc_mj.studies.tune.tune import TuneStudy, tune_study
+
+# Pieces of a disturbance, each with a sign of its own.
+PIECES = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +39,8 @@ class ContestStudy(Study[ContestLaw]):
         tuning: The tuning of its laws.
         margin_draws: Draws that margins of gain and delay are searched on.
         left_out: Laws that have no part, with the reason.
+        on: Body, input or state on which the worst disturbance is searched; empty for none.
+        bound: Its largest magnitude with its unit.
     """
 
     kind = "contest"
@@ -42,6 +50,8 @@ class ContestStudy(Study[ContestLaw]):
     tuning: TuneStudy
     margin_draws: int
     left_out: dict[str, str]
+    on: str = ""
+    bound: str = ""
 
     @property
     def case(self) -> Experiment:
@@ -60,14 +70,18 @@ class ContestStudy(Study[ContestLaw]):
 
     def configuration(self) -> dict[str, Any]:
         """Return the configuration as the result has it."""
-        return {**self.tuning.configuration(), "margin_draws": self.margin_draws}
+        return {
+            **self.tuning.configuration(),
+            "margin_draws": self.margin_draws,
+            "disturbance": {"on": self.on, "bound": self.bound, "pieces": PIECES},
+        }
 
     def cells(self) -> list[StudyCell[ContestLaw]]:
         """Return a cell for each law."""
         return [
             StudyCell(
                 name=cell.name,
-                key=("contest", str(self.margin_draws), *cell.key),
+                key=("contest", str(self.margin_draws), self.on, self.bound, *cell.key),
                 depends_on=cell.depends_on,
                 measure=partial(_refuse_measuring, cell.name),
             )
@@ -112,13 +126,20 @@ class ContestStudy(Study[ContestLaw]):
         (tuned,) = list(tuning.rows([cell], tuning_runner))
 
         entries = []
-        for step, controller, verdicts in (
-            (AS_IN_FILE, law.law.controller, tuned.before),
-            (TUNED, law.designed(tuned.values).controller, tuned.after),
+        for step, experiment, controller, verdicts in (
+            (AS_IN_FILE, law.experiment, law.law.controller, tuned.before),
+            (
+                TUNED,
+                law.with_numbers(tuned.values),
+                law.designed(tuned.values).controller,
+                tuned.after,
+            ),
         ):
+            runner.progress(f"{law.name}, {step}: worst disturbance", 0)
+            share = self._worst_disturbance(law, experiment)
             runner.progress(f"{law.name}, {step}: margins", 0)
             studied = replace(law.law, controller=controller)
-            entries.append(self._entry(step, studied, verdicts))
+            entries.append(self._entry(step, studied, verdicts, share))
         return ContestLaw(
             law=law.name,
             numbers=tuned.numbers,
@@ -127,7 +148,31 @@ class ContestStudy(Study[ContestLaw]):
             entries=entries,
         )
 
-    def _entry(self, step: str, law: StudiedLaw, verdicts: list[Verdict]) -> Entry:
+    def _worst_disturbance(self, law: TunableLaw, experiment: Experiment) -> float | None:
+        """Share of the tightest limit under the worst disturbance that is found.
+
+        Args:
+            law: The law.
+            experiment: Experiment with the law as its only controller.
+
+        Returns:
+            The share; None if no disturbance is searched, or there can be no run.
+        """
+        if not self.on:
+            return None
+        try:
+            asked = with_requirements_of(experiment, self.case, law)
+            disturbance = bounded_disturbance(asked, self.on, self.bound)
+            study = DisturbanceStudy(disturbance, pieces=PIECES)
+            return study.searched(law.name, PIECES).share
+        except SetupError:
+            raise
+        except GrosmcError:
+            return None
+
+    def _entry(
+        self, step: str, law: StudiedLaw, verdicts: list[Verdict], worst_disturbance: float | None
+    ) -> Entry:
         """Judge a law with some numbers."""
         trials = Trials(self.case.nominal.truest, self._limits, self.margin_draws)
         conditions = [item.condition for item in self.tuning.conditions]
@@ -143,6 +188,7 @@ class ContestStudy(Study[ContestLaw]):
         return Entry(
             step=step,
             verdicts=verdicts,
+            worst_disturbance=worst_disturbance,
             margins=task_margins(trials, law, conditions[0]),
             largest_input=_largest([_peak(run) for run in runs]),
             variation=_largest([variation_of(run) for run in runs]),
@@ -180,6 +226,8 @@ def contest_study(
     held_out: int = 20,
     plants: int = 0,
     margin_draws: int = 2,
+    on: str = "",
+    bound: str = "",
     seed: int = 0,
 ) -> ContestStudy:
     """Return a target with the laws that contend.
@@ -194,12 +242,18 @@ def contest_study(
         held_out: Other draws that laws are judged on.
         plants: Random plants of ``[[uncertain]]`` that designs are tuned on, too.
         margin_draws: Draws that margins of gain and delay are searched on.
+        on: Body, input or state on which the worst disturbance is searched; none by default.
+        bound: Its largest magnitude with its unit.
         seed: Seed of the searches and of the plants.
 
     Raises:
-        ArgumentError: If there is no such target, law or condition, nothing is required, no law has
-            numbers, or the runs are too few for one design.
+        ArgumentError: If there is no such target, law, condition or place, nothing is required, no
+            law has numbers, or the runs are too few for one design.
     """
+    if bool(on) != bool(bound):
+        raise ArgumentError("--on and --bound go together: a place and the largest magnitude there")
+    if on:
+        bounded_disturbance(case_for(target, MACHINE), on, bound)
     left_out: dict[str, str] = {}
     names = list(laws)
     if not names:
@@ -214,7 +268,7 @@ def contest_study(
         plants=plants,
         seed=seed,
     )
-    return ContestStudy(tuning, margin_draws, left_out)
+    return ContestStudy(tuning, margin_draws, left_out, on, bound)
 
 
 def _contending(experiment: Experiment) -> tuple[list[str], dict[str, str]]:

@@ -19,6 +19,8 @@ class Entry(BaseModel):
     Attributes:
         step: ``as in the file`` or ``tuned``.
         verdicts: Verdicts on draws of no search, by condition.
+        worst_disturbance: Share of the tightest limit under the worst disturbance that was found;
+            None if none was searched, or there can be no run.
         margins: Verdicts on gain and delay of the nominal task, or the one that it is not kept.
         largest_input: Largest |u| of a run under each condition, in the unit of the input; None
             without such a run.
@@ -27,6 +29,7 @@ class Entry(BaseModel):
 
     step: str
     verdicts: list[Verdict]
+    worst_disturbance: float | None = None
     margins: list[Verdict] = []
     largest_input: float | None = None
     variation: float | None = None
@@ -95,6 +98,11 @@ class ContestLaw(BaseModel):
     def tuned(self) -> Entry | None:
         """The law with tuned numbers; None if it could not be tuned."""
         return self.entries[-1] if self.entries else None
+
+    @property
+    def tuned_values(self) -> dict[str, float]:
+        """The numbers that were found, by path."""
+        return {number.path: number.after for number in self.numbers}
 
     @property
     def kept(self) -> bool:

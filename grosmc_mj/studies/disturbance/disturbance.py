@@ -220,12 +220,12 @@ class DisturbanceStudy(Study[WorstDisturbance]):
             return self._without_search(law, float(calm_share))
 
         pieces = self.pieces
-        search = self._searched(law, pieces, None, advance)
+        search = self.searched(law, pieces, advance=advance)
         runs = search.runs
         change = math.inf
         while change > AGREES and search.share <= ENDED and self._divisible(pieces):
             pieces *= 2
-            finer = self._searched(law, pieces, search, advance)
+            finer = self.searched(law, pieces, search, advance)
             change = _relative_change(search.share, finer.share)
             runs += finer.runs
             search = finer
@@ -260,14 +260,21 @@ class DisturbanceStudy(Study[WorstDisturbance]):
             change=0.0,
         )
 
-    def _searched(
+    def searched(
         self,
         law: str,
         pieces: int,
-        coarser: SignalSearch | None,
-        advance: Advance,
+        coarser: SignalSearch | None = None,
+        advance: Advance = lambda _: None,
     ) -> SignalSearch:
-        """Search with so many pieces, from the worst signal of half as many."""
+        """Return a search that has ended.
+
+        Args:
+            law: Name of the law.
+            pieces: Number of pieces.
+            coarser: Search with half as many, from whose worst signal it goes on.
+            advance: Told how far it is.
+        """
         search = self.search(law, self.disturbance, pieces, advance=advance)
         if coarser is not None:
             halves, deviations = np.split(coarser.best, [pieces // 2])

@@ -1,21 +1,14 @@
-"""Answer of a tuning: words, tables, charts, document and the tuned case file."""
+"""Answer of a tuning: words, tables, charts and document."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from copy import deepcopy
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import tomli_w
 from numpy.typing import NDArray
 
-from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.file.content import Content
-from grosmc_mj.experiments.file.shipped import CASES, shipped_files
-from grosmc_mj.experiments.requirement_tables import kinds_in
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.output.results.result import (
     KEPT,
@@ -32,7 +25,6 @@ from grosmc_mj.output.results.result import (
 from grosmc_mj.output.results.tables import Table, number, numbers, table, words
 from grosmc_mj.output.results.verdicts import Verdict, standings, values_of, worst_failed, worst_of
 from grosmc_mj.studies.matrix import conditions_document
-from grosmc_mj.studies.tune.numbers import TunableLaw
 from grosmc_mj.studies.tune.row import TUNED, TunedLaw, TunedNumberRow
 from grosmc_mj.studies.tune.shares import TriedDesign
 from grosmc_mj.studies.tune.tune import TuneStudy
@@ -113,8 +105,8 @@ def conflict(row: TunedLaw) -> Conflict | None:
 # -- words -----------------------------------------------------------------------------------------
 
 
-def _answer(study: TuneStudy, row: TunedLaw) -> Answer:
-    """The answer on a law."""
+def law_answer(study: TuneStudy, row: TunedLaw) -> Answer:
+    """Return the answer on a law."""
     bound = binding(shares_of(row.designs[row.best]))
     runs = f"{row.runs:,} runs"
     more = ""
@@ -308,92 +300,7 @@ def _influential(points: Array, values: Array) -> tuple[int, int]:
     return min(first, second), max(first, second)
 
 
-# -- case file and document ------------------------------------------------------------------------
-
-
-def tuned_path(study: TuneStudy, out: Path, name: str) -> Path:
-    """Return the path of the tuned case file: beside the case, or in a folder for one shipped.
-
-    Args:
-        study: The study.
-        out: Folder of the results.
-        name: Name of the case in files.
-    """
-    path = study.experiment.path
-    folder = out if path.is_relative_to(CASES) else path.parent
-    return folder / f"{name}_tuned.toml"
-
-
-def case_text(study: TuneStudy, rows: Sequence[TunedLaw]) -> str:
-    """Return the case file that extends the target with the tuned laws, which alone it runs."""
-    experiment = study.experiment
-    laws = {law.name: law for law in study.laws}
-    tables = {laws[row.law].base: _table(laws[row.law], row) for row in rows}
-    content: Content = {
-        "extends": _extended(experiment.path),
-        "title": f"{experiment.title}: tuned laws",
-        "laws": tables,
-        "controller": [{"name": row.law, "law": laws[row.law].base} for row in rows],
-    }
-    for row in rows:
-        _write_of_case(content, experiment, laws[row.law], row)
-    content["requirement"] = list(_requirements(experiment, [laws[row.law] for row in rows]))
-    # The claims of the file are about its own laws.
-    if experiment.file.content.get("claim"):
-        content["claim"] = []
-    lines = [f"# {_answer(study, row).words}.\n" for row in rows]
-    return "".join(lines) + tomli_w.dumps(content)
-
-
-def _table(law: TunableLaw, row: TunedLaw) -> Content:
-    """Table of a tuned law."""
-    return law.with_numbers(row.values).file.content["laws"][law.base]
-
-
-def _write_of_case(
-    content: Content, experiment: Experiment, law: TunableLaw, row: TunedLaw
-) -> None:
-    """Write the numbers of the case that were tuned with a law."""
-    for tuned in law.numbers:
-        if tuned.number.of_file:
-            continue
-        owner = tuned.number.place.owner
-        if owner not in content:
-            # An array of tables is the file's own.
-            content[owner] = deepcopy(experiment.file.content.get(owner, []))
-        tuned.number.write(content, row.values[tuned.name])
-
-
-def _requirements(experiment: Experiment, laws: Sequence[TunableLaw]) -> Iterator[Content]:
-    """Yield the tables of requirements, asked of the tuned laws whichever laws the file names."""
-    names = [law.name for law in laws]
-    file = experiment.file
-    for required, written in zip(file.requirement, file.content["requirement"], strict=True):
-        kinds = kinds_in(required)
-        # Names of the laws by what can be asked of them.
-        of_laws: dict[tuple[str, ...], list[str]] = {}
-        for law in laws:
-            controller = law.law.controller
-            asked = tuple(
-                kind.key
-                for kind in kinds
-                if kind.can_be_asked_of(controller, getattr(required, kind.key))
-            )
-            of_laws.setdefault(asked, []).append(law.name)
-
-        for asked, of in of_laws.items():
-            left_out = {kind.key for kind in kinds} - {*asked} | {"of"}
-            content = {key: value for key, value in written.items() if key not in left_out}
-            if asked:
-                yield content if of == names else {"of": of, **content}
-
-
-def _extended(path: Path) -> str:
-    """Name by which a file extends another one."""
-    for name, file in shipped_files().items():
-        if file == path:
-            return name
-    return path.name
+# -- document ------------------------------------------------------------------------------------
 
 
 def tune_result(study: TuneStudy, rows: Sequence[TunedLaw], *, complete: bool) -> Result:
@@ -419,7 +326,7 @@ def tune_result(study: TuneStudy, rows: Sequence[TunedLaw], *, complete: bool) -
         study.configuration(),
         seed=study.seed,
         complete=complete,
-        answers=[_answer(study, row) for row in rows],
+        answers=[law_answer(study, row) for row in rows],
         standings=standings(
             study.target, _verdicts(rows), worst_failed, _standing_words, complete=complete
         ),

@@ -9,6 +9,7 @@ import pytest
 from commands import run
 from tune_cases import write_block
 
+from grosmc_mj import Experiment
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.output.results.verdicts import Verdict
 from grosmc_mj.studies.contest.answer import contest_result, contest_table
@@ -179,6 +180,55 @@ def test_plants_have_a_column_and_none_has_been_seen(tmp_path: Path):
     assert cells[-1] == f"{plants.kept_draws} of 6"
 
 
+def test_six_of_six_plants_are_half_of_all_at_least(tmp_path: Path):
+    """The interval of Clopper and Pearson is exact: 0.025^(1/6) = 0.54."""
+    path = write_contest(tmp_path)
+    certain = '\n[[uncertain]]\nnumber = "edit.m.scale"\nvalues = [1.0, 1.01]\n'
+    path.write_text(path.read_text(encoding="utf-8") + certain, encoding="utf-8")
+    study = contest_study(str(path), ["critical"], runs=40, plants=1, held_out=6)
+    table = contest_table(study, contested(study, tmp_path / "pieces"))
+    place = [column.header for column in table.columns].index("plants kept")
+    assert list(table.rows[-1][place : place + 2]) == ["6 of 6", "54 to 100 %"]
+
+
+def test_the_worst_disturbance_is_searched_with_both_kinds_of_numbers(tmp_path: Path):
+    """A stiffer PD gives way less."""
+    path = write_contest(tmp_path)
+    study = contest_study(str(path), ["critical"], runs=40, on="force", bound="0.05 N")
+    (row,) = contested(study, tmp_path / "pieces")
+    in_file, tuned = row.entries
+    assert in_file.worst_disturbance is not None
+    assert tuned.worst_disturbance is not None
+    assert tuned.worst_disturbance < in_file.worst_disturbance
+    headers = [column.header for column in contest_table(study, [row]).columns]
+    assert "worst disturbance" in headers
+
+
+def test_a_place_of_a_disturbance_needs_a_bound(tmp_path: Path):
+    path = write_contest(tmp_path)
+    with pytest.raises(ArgumentError, match="--on and --bound go together"):
+        contest_study(str(path), ["critical"], on="force")
+    with pytest.raises(ArgumentError, match="nowhere"):
+        contest_study(str(path), ["critical"], on="nowhere", bound="1 N")
+
+
+def test_a_law_that_cannot_be_tuned_is_named_and_the_others_contend(tmp_path: Path):
+    path = write_contest(tmp_path)
+    study = contest_study(str(path), ["critical", "mine"], runs=40)
+
+    def progress(text: str = "", by: int = 1) -> None:
+        if text.startswith("critical"):
+            raise ArgumentError("no design can be made")
+
+    runner = CellRunner(tmp_path / "pieces", ContestLaw, False, progress)
+    rows = list(study.rows(study.cells(), runner))
+    assert [row.refused for row in rows] == ["no design can be made", ""]
+    assert simplest(rows) is rows[1]
+    answer = contest_result(study, rows, complete=True).answers[0]
+    assert answer.notes == ["critical was not tuned: no design can be made"]
+    assert contest_table(study, rows).rows[0][:2] == ["critical", "not tuned"]
+
+
 def test_a_law_with_other_numbers_contends_once(tmp_path: Path):
     path = write_contest(tmp_path)
     again = '\n[[controller]]\nname = "quick"\nlaw = "plants:critical"\nfrequency = 3.0\n'
@@ -197,6 +247,10 @@ def test_exit_code_says_whether_a_law_keeps_all(tmp_path: Path, laws: list[str],
     document = json.loads((out / "contest_mine.json").read_text(encoding="utf-8"))
     assert [law["law"] for law in document["laws"]] == laws
     assert (out / "contest_mine.png").exists()
+    # The case of the tuned laws, beside the file.
+    tuned = tmp_path / "contest_mine.toml"
+    assert [item["name"] for item in Experiment.load(tuned).file.content["controller"]] == laws
+    assert run("run", tuned, "--out", out) == code
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from tune_cases import write_block
 from grosmc_mj import Experiment
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.studies.study import CellRunner
-from grosmc_mj.studies.tune.answer import case_text
+from grosmc_mj.studies.tune.case_text import case_text
 from grosmc_mj.studies.tune.conditions import PLANTS
 from grosmc_mj.studies.tune.row import TunedLaw
 from grosmc_mj.studies.tune.tune import tune_study
@@ -68,7 +68,8 @@ def test_the_estimator_is_tuned_with_a_law_and_written(tmp_path: Path):
     assert bandwidth != pytest.approx(50)
 
     written = tmp_path / "tuned.toml"
-    written.write_text(case_text(study, [row]), encoding="utf-8")
+    text = case_text(study.case, study.laws, {row.law: row.values}, ["found"])
+    written.write_text(text, encoding="utf-8")
     loop = Experiment.load(written).loop
     assert loop is not None
     (estimator,) = loop.estimators

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from grosmc_mj.studies.contest.contest import ContestStudy
     from grosmc_mj.studies.contest.row import ContestLaw
 
+_Text = Annotated[str, Parameter(metavar="TEXT", show_default="none")]
+
 
 @command
 class ContestCommand(SearchStudyCommand["ContestStudy", "ContestLaw"]):
@@ -24,12 +26,13 @@ class ContestCommand(SearchStudyCommand["ContestStudy", "ContestLaw"]):
 
     Each law of the case and each rival is tuned as by grosmc-mj tune, by the same budget of runs
     and to the same conditions. Then each is judged alike, with the numbers of the file and with
-    the tuned ones: draws of no search, random plants, gain and delay of the nominal task, largest
-    input and its variation. The simplest law has the fewest tuned numbers, then the smallest
-    share of its tightest limit.
+    the tuned ones: draws of no search, random plants, the worst disturbance within --bound, gain
+    and delay of the nominal task, largest input and its variation. The simplest law has the fewest
+    tuned numbers, then the smallest share of its tightest limit.
 
-    Writes contest_NAME.json, .png and .svg to --out, and each finished batch of runs and each law
-    to the folder contest_NAME.
+    Writes contest_NAME.json, .png and .svg to --out, each finished batch of runs and each law to
+    the folder contest_NAME, and contest_NAME.toml, a case with the tuned laws, beside a case file
+    of your own, of a case of the package to --out.
 
     Exit code: 0 if a tuned law keeps all, 1 if none does, 2 if the command or the set-up is wrong.
 
@@ -37,6 +40,8 @@ class ContestCommand(SearchStudyCommand["ContestStudy", "ContestLaw"]):
         target: A system, which means its machine, a case, or a case file.
         laws: Laws that contend.
         margin_draws: Draws that margins of gain and delay are searched on.
+        on: A body, an input or a state on which the worst disturbance is searched for each law.
+        bound: Its largest magnitude with its unit, "0.1 N m".
     """
 
     target: Target
@@ -45,6 +50,8 @@ class ContestCommand(SearchStudyCommand["ContestStudy", "ContestLaw"]):
         tuple[str, ...], Parameter(metavar="NAME...", show_default="all and the rivals")
     ] = ()
     margin_draws: WholeNumber = 2
+    on: _Text = ""
+    bound: _Text = ""
 
     def study(self) -> ContestStudy:
         """Return the target with the laws that contend."""
@@ -53,7 +60,12 @@ class ContestCommand(SearchStudyCommand["ContestStudy", "ContestLaw"]):
 
         require_draws(self.margin_draws, "--margin-draws")
         return contest_study(
-            self.target, self.laws, margin_draws=self.margin_draws, **self.search_options()
+            self.target,
+            self.laws,
+            margin_draws=self.margin_draws,
+            on=self.on,
+            bound=self.bound,
+            **self.search_options(),
         )
 
     def result(self, study: ContestStudy, rows: Sequence[ContestLaw], *, complete: bool) -> Result:
@@ -63,14 +75,24 @@ class ContestCommand(SearchStudyCommand["ContestStudy", "ContestLaw"]):
         return contest_result(study, rows, complete=complete)
 
     def draw(self, study: ContestStudy, rows: Sequence[ContestLaw], path: Path) -> Sequence[Path]:
-        """Draw the figure."""
+        """Draw the figure and write the case file of the tuned laws."""
+        from grosmc_mj.ground.files import write_whole
         from grosmc_mj.output.charts.figure import write_chart
         from grosmc_mj.output.charts.of_results import cells_chart
-        from grosmc_mj.studies.contest.answer import NOTE, contest_chart
+        from grosmc_mj.studies.contest.answer import NOTE, contest_chart, contest_words
+        from grosmc_mj.studies.tune.case_text import case_text, tuned_path
 
         title = f"{study.target}: the file's numbers and tuned ones"
         chart = cells_chart(title, [contest_chart(study, rows)], NOTE)
-        return (write_chart(chart, path.with_suffix(".png")),)
+        figure = write_chart(chart, path.with_suffix(".png"))
+
+        case = tuned_path(study.case, self.out, f"{path.stem}.toml")
+        values = {row.law: row.tuned_values for row in rows if row.tuned}
+        laws = [law for law in study.tuning.laws if law.name in values]
+        if not laws:
+            return (figure,)
+        write_whole(case, case_text(study.case, laws, values, contest_words(rows)))
+        return figure, case
 
     def keeps(self, study: ContestStudy, rows: Sequence[ContestLaw]) -> bool:
         """Whether a tuned law keeps all on draws of no search."""
