@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.ground.errors import ArgumentError, placed
 from grosmc_mj.output.results.verdicts import Verdict
 from grosmc_mj.studies.pieces import Piece, PieceStore, Rows
 from grosmc_mj.studies.study import CellRunner, Study, StudyCell, dependencies
@@ -315,6 +315,7 @@ def tune_study(
     asked = tuning_conditions(experiment, conditions, draws)
     if plants:
         asked.append(uncertain_plants(experiment, plants, seed))
+        _require_plants(asked[-1], [*range(plants), *range(HELD_OUT, HELD_OUT + held_out)])
     if seed < 0:
         raise ArgumentError(f"--seed {seed} must be 0 at least")
     least = sum(item.draws for item in asked)
@@ -333,3 +334,12 @@ def tune_study(
         held_out=held_out,
         seed=seed,
     )
+
+
+def _require_plants(item: TuningCondition, numbers: Iterable[int]) -> None:
+    """Refuse a condition one of whose plants cannot be made."""
+    path = item.condition.experiment.path
+    for number in numbers:
+        with placed(f"{path}: random plant {number} of [[uncertain]]: "):
+            case = item.case(number)
+            case.plant(case.nominal.truest)

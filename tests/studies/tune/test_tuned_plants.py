@@ -76,6 +76,20 @@ def test_the_estimator_is_tuned_with_a_law_and_written(tmp_path: Path):
     assert estimator.bandwidth == pytest.approx(bandwidth, rel=1e-5)
 
 
+def test_a_random_plant_that_cannot_be_made_is_refused_before_any_run(tmp_path: Path):
+    """The inertia in front of the servo's gear is more than a fifth of all."""
+    uncertain = """extends = "servo/machine"
+
+[[uncertain]]
+number = "edit.rotor.mass_scale"
+values = [0.2, 0.4]
+"""
+    path = tmp_path / "light.toml"
+    path.write_text(uncertain, encoding="utf-8")
+    with pytest.raises(ArgumentError, match=r"random plant 0 of \[\[uncertain\]\]: .*inertia"):
+        tune_study(str(path), ["lqr"], plants=2)
+
+
 def test_an_estimator_is_one_for_all_laws(tmp_path: Path):
     path = estimated(tmp_path)
     path.write_text(path.read_text() + '\n[laws.other]\nlaw = "fl-lqr"\n', encoding="utf-8")

@@ -82,6 +82,8 @@ class ContestCommand(SearchStudyCommand["ContestStudy", "ContestLaw"]):
         from grosmc_mj.studies.contest.answer import NOTE, contest_chart, contest_words
         from grosmc_mj.studies.tune.case_text import case_text, tuned_path
 
+        if not any(row.tuned for row in rows):
+            return ()
         title = f"{study.target}: the file's numbers and tuned ones"
         chart = cells_chart(title, [contest_chart(study, rows)], NOTE)
         figure = write_chart(chart, path.with_suffix(".png"))
@@ -89,8 +91,6 @@ class ContestCommand(SearchStudyCommand["ContestStudy", "ContestLaw"]):
         case = tuned_path(study.case, self.out, f"{path.stem}.toml")
         values = {row.law: row.tuned_values for row in rows if row.tuned}
         laws = [law for law in study.tuning.laws if law.name in values]
-        if not laws:
-            return (figure,)
         write_whole(case, case_text(study.case, laws, values, contest_words(rows)))
         return figure, case
 
