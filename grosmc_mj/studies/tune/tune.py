@@ -342,4 +342,5 @@ def _require_plants(item: TuningCondition, numbers: Iterable[int]) -> None:
     for number in numbers:
         with placed(f"{path}: random plant {number} of [[uncertain]]: "):
             case = item.case(number)
-            case.plant(case.nominal.truest)
+            # A model is compiled when something of it is asked.
+            case.input_limits(case.plant(case.nominal.truest))
