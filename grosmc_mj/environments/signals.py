@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.theory.control.controller import Controller
 from grosmc_mj.theory.control.matrices import quadratic
 from grosmc_mj.theory.plants import System
@@ -71,11 +72,18 @@ class Index:
 
     Args:
         law: A controller with error coordinates and the optimum that it was designed for.
+
+    Raises:
+        ArgumentError: If nobody has chosen its weights.
     """
 
     def __init__(self, law: Controller) -> None:
         self._p = law.parameters
         self._design = law.designed
+        if not self._design.weighed:
+            raise ArgumentError(
+                f"{law.name} has no weights, so there is no index: give [task] Q and R"
+            )
         self._memory = law.memory()
         _, self._v = self._design.error.input_maps(linearizing=self._design.linearizing)
 

@@ -14,8 +14,11 @@ from grosmc_mj.theory.control.controller import Design, gain_keys
 def named_weights(design: Design) -> dict[str, dict[str, float]]:
     """Return Q and R of a law by the names of what they weigh.
 
-    An entry beside the diagonal has the names of both: ``angle and speed``.
+    An entry beside the diagonal has the names of both: ``angle and speed``. A law whose weights
+    nobody has chosen has none.
     """
+    if not design.weighed:
+        return {}
     return {
         "Q": _by_name(design.lqr.Q, design.error.names),
         "R": _by_name(design.lqr.R, _input_names(design)),

@@ -124,8 +124,8 @@ def _say_target(console: Console, target: str) -> None:
     for law in first.controllers:
         design = first.law(first.nominal.truest, law).design
         if design is not None:
-            numbers = f"{weights_in_words(design)}; {gains_in_words(design)}"
-            _say(console, "weights", f"{law}: {numbers.rstrip('; ')}")
+            numbers = filter(None, [weights_in_words(design), gains_in_words(design)])
+            _say(console, "weights", f"{law}: {'; '.join(numbers)}")
 
     designed = [first.law(first.nominal.truest, law) for law in first.controllers]
     for line in growth(first, designed):

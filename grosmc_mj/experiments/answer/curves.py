@@ -105,7 +105,7 @@ def panels_of(results: Sequence[RunResult]) -> list[ShownQuantity]:
     on_last_plant = [run for run in simulated if run.plant == simulated[-1].plant]
     chattering_first = _chattering_first(on_last_plant)
     panels = _output_panels([*simulated, *measured])
-    panels.append(_deviation_panel(simulated))
+    panels += _deviation_panels(simulated)
     panels += _state_panels([*simulated, *measured])
     if simulated[0].trajectory.seen is not None:
         panels.append(_measurement_error_panel(chattering_first))
@@ -133,7 +133,7 @@ def panel_of(results: Sequence[RunResult], quantity: str) -> ShownQuantity:
     with_surface = [run for run in results if run.trajectory.sliding is not None]
     panels = [
         *_output_panels(results),
-        _deviation_panel(results),
+        *_deviation_panels(results),
         *_sliding_panels(results, with_surface),
         _input_panel(_chattering_first(results)),
     ]
@@ -179,18 +179,25 @@ def _output(run: RunResult, j: int) -> Array:
     return comparison.reference[:, j] + run.controller.designed.error.sign * error
 
 
-def _deviation_panel(results: Sequence[RunResult]) -> ShownQuantity:
-    """Return the panel of the distance from the optimum, of a single output with its sign."""
-    first = results[0]
+def _deviation_panels(results: Sequence[RunResult]) -> list[ShownQuantity]:
+    """Return the panel of the distance from the optimum, of a single output with its sign.
+
+    There is none where no law has weights.
+    """
+    weighed = [run for run in results if run.controller.designed.weighed]
+    if not weighed:
+        return []
+    first = weighed[0]
     unit = first.controller.designed.error.units[first.comparison.outputs[0]]
     single = len(first.comparison.outputs) == 1
     distance = "distance from y*" if single else "|y − y*|"
-    return ShownQuantity(
+    panel = ShownQuantity(
         label=f"{distance} [{unit}]",
-        curves=[RunSignal(run, run.comparison.deviation) for run in results],
+        curves=[RunSignal(run, run.comparison.deviation) for run in weighed],
         shows=("deviation",),
         signed=single,
     )
+    return [panel]
 
 
 def _state_panels(results: Sequence[RunResult]) -> list[ShownQuantity]:

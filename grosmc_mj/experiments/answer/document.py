@@ -299,7 +299,12 @@ def run_document(result: RunResult) -> dict[str, Any]:
 
 
 def _weights(result: RunResult) -> dict[str, Any]:
-    """Return the index that the law was designed for, and the poles of its closed loop."""
+    """Return the index that the law was designed for, and the poles of its closed loop.
+
+    It is empty for a law without weights.
+    """
+    if not result.controller.designed.weighed:
+        return {}
     optimum = result.controller.designed.lqr
     poles = sorted(optimum.poles.tolist(), key=lambda pole: (pole.real, pole.imag))
     return {

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.experiments.requirements.judging import Judgement
 from grosmc_mj.experiments.requirements.metrics import Metric, largest_of
+from grosmc_mj.experiments.requirements.run_metrics import OF_WEIGHTS
 from grosmc_mj.experiments.weights import gains_in_words, weights_in_words
 from grosmc_mj.output.results.tables import (
     Table,
@@ -36,6 +37,8 @@ _DETAILS = (
     ("\nJ*", "cost_optimal"),
     ("var. of\nu per s", "total_variation"),
 )
+# Metrics beside the optimum of a law's weights.
+_OF_WEIGHTS = (*OF_WEIGHTS, "continuous", "switching")
 
 
 def metric_cell(metric: Metric | None, factor: float = 1.0) -> str:
@@ -54,7 +57,10 @@ def results_table(results: Sequence[RunResult]) -> Table:
     system = results[0].trajectory.system
     error = results[0].controller.designed.error
     output_unit = error.units[error.output_rows[0]]
-    further = list(_DETAILS)
+    # Without weights there is no optimum that a column could be about.
+    weighed = any(result.controller.designed.weighed for result in results)
+    main = [column for column in _COLUMNS if weighed or column[1] not in _OF_WEIGHTS]
+    further = [column for column in _DETAILS if weighed or column[1] not in _OF_WEIGHTS]
     for position in system.internal_positions:
         header = f"max |{position.name}|\n[{position.unit}]"
         further.append((header, largest_of(position.name)))
@@ -69,7 +75,7 @@ def results_table(results: Sequence[RunResult]) -> Table:
             style = "red"
         continuous, switching = result.cost_shares
         metrics = {**result.metrics, "continuous": continuous, "switching": switching}
-        cells = [metric_cell(metrics.get(name)) for _, name in (*_COLUMNS, *further)]
+        cells = [metric_cell(metrics.get(name)) for _, name in (*main, *further)]
         rows.append((result.case.name, result.plant, law, *cells))
         styles.append(style)
 
@@ -77,7 +83,7 @@ def results_table(results: Sequence[RunResult]) -> Table:
         *details(words("case")),
         *words("plant"),
         *phrases("law"),
-        *numbers(*(header for header, _ in _COLUMNS)),
+        *numbers(*(header for header, _ in main)),
         *details(numbers(*(header for header, _ in further))),
     ]
     title = f"{system.title}: x1 in {output_unit}, u in {system.input.unit}"

@@ -75,7 +75,7 @@ def _optimum_for_users_law(request: LawRequest) -> Controller:
     numbers = request.table.numbers
     weights = {name: value for name, value in numbers.items() if name in WEIGHTS}
     table = ControllerTable.model_validate({"law": law, **weights})
-    return packaged_controller(replace(request, table=table))
+    return packaged_controller(replace(request, table=table, needs_weights=False))
 
 
 def _made_by_function(request: LawRequest, function: Any, numbers: dict[str, Any]) -> Controller:

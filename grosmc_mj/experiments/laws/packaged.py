@@ -37,6 +37,8 @@ def packaged_controller(request: LawRequest) -> Controller:
         _numbers_in(kind, table)
         return kind().design(_task_of_own_weights(request, kind))
 
+    needs_weights = request.needs_weights and kind.follows_weights
+    request = replace(request, needs_weights=needs_weights)
     task_table = request.file.task
     follows = task_table.reference is not None or not task_table.outputs.own
     of_states = kind.holds_states(where_of(request.nominal), follows=follows)

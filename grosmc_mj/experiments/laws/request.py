@@ -23,6 +23,7 @@ class LawRequest:
         folder: Folder of the user's own Python.
         control_period: Control period of the runs [s].
         loop: Loop whose limits of the inputs the law knows.
+        needs_weights: Whether the law depends on Q and R; else they only weigh its runs.
     """
 
     table: ControllerTable
@@ -32,6 +33,7 @@ class LawRequest:
     folder: Path
     control_period: float
     loop: Loop
+    needs_weights: bool = True
 
     @property
     def equations(self) -> AnalyticPlant:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
 import sympy as sp
 
 from grosmc_mj.experiments.file.formula import formula
@@ -18,9 +20,10 @@ from grosmc_mj.experiments.file.values import state_of
 from grosmc_mj.experiments.laws.request import LawRequest
 from grosmc_mj.experiments.plants import NominalPlant
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.ground.errors import ArgumentError, PremiseError, placed, unknown_name
+from grosmc_mj.ground.errors import ArgumentError, PremiseError, name_list, placed, unknown_name
 from grosmc_mj.theory.control.coordinates.feedback_linearization import feedback_linearization
 from grosmc_mj.theory.control.coordinates.symbolic import ErrorCoordinates, error_names
+from grosmc_mj.theory.control.kinds.kind import WEIGHTS
 from grosmc_mj.theory.control.references import TIME, ReferenceFunction, reference
 from grosmc_mj.theory.control.task import NoNumbers, Task, state_task
 from grosmc_mj.theory.plants import AnalyticPlant, OperatingPoint, System
@@ -33,13 +36,26 @@ if TYPE_CHECKING:
 OUTPUTS: Mapping[str, Mapping[str, Callable[[], Any]]] = {"two_link_arm": {"tip": tip}}
 
 
+def _is_weighed(request: LawRequest) -> bool:
+    """Return whether a law has weights, which it may do without if it does not depend on them."""
+    given = [name in request.table.numbers for name in WEIGHTS]
+    given += [getattr(request.file.task, name) is not None for name in WEIGHTS]
+    return request.needs_weights or any(given)
+
+
 def _weight(name: str, request: LawRequest, names: Sequence[str]) -> Array:
-    """Return Q or R of a law, its own or the task's, (n, n) of n names."""
+    """Return Q or R of a law, its own or the task's, (n, n) of n names; units without any."""
+    if not _is_weighed(request):
+        return np.eye(len(names))
     if name in request.table.numbers:
         return weight(name, request.table.numbers[name], names)
     value = getattr(request.file.task, name)
     if value is None:
-        raise ArgumentError(f"task: {name} is missing: a plant of your own needs weights Q and R")
+        needing = request.table.law if request.needs_weights else "the index"
+        raise ArgumentError(
+            f"task: {name} is missing: {needing} needs weights Q and R; {name} weighs "
+            f"{name_list(names)}"
+        )
     return weight(f"task: {name}", value, names)
 
 
@@ -54,7 +70,8 @@ def task_of_states(request: LawRequest) -> Task:
         )
     Q = _weight("Q", request, [state.name for state in nominal.system.states])
     R = _weight("R", request, [signal.name for signal in nominal.system.inputs])
-    return state_task(nominal.believed or nominal.plant, Q, R, nominal.at)
+    states = state_task(nominal.believed or nominal.plant, Q, R, nominal.at)
+    return replace(states, weighed=_is_weighed(request))
 
 
 def task_of_outputs(request: LawRequest, *, linearizing: bool) -> Task:
@@ -85,7 +102,7 @@ def task_of_outputs(request: LawRequest, *, linearizing: bool) -> Task:
     error = _coordinates(equations.system, moving, task.sign, outputs, guess, unit)
     Q = _weight("Q", request, error.names)
     R = _weight("R", request, error.input_names(linearizing=linearizing))
-    return Task(equations, error, parameters, Q, R)
+    return Task(equations, error, parameters, Q, R, weighed=_is_weighed(request))
 
 
 def _robot_task(request: LawRequest, robot: Robot) -> Task:
@@ -101,7 +118,8 @@ def _robot_task(request: LawRequest, robot: Robot) -> Task:
     error = robot.coordinates(moving)
     Q = _weight("Q", request, error.names)
     R = _weight("R", request, error.input_names(linearizing=True))
-    return robot.task(moving, parameters, Q, R)
+    joints = robot.task(moving, parameters, Q, R)
+    return replace(joints, weighed=_is_weighed(request))
 
 
 def _formulas(

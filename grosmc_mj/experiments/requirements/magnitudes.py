@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 from grosmc_mj.experiments.requirements.metrics import DWELL, largest_of, rms_of
 from grosmc_mj.experiments.requirements.requirement import Requirement
+from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.theory.control.controller import Controller
 
 
 class StaysWithin(Requirement):
@@ -45,7 +50,23 @@ class RmsBelow(Requirement):
         return rms_of(self.signal, self.after, periodic=self.periodic)
 
 
-class DeviationBelow(Requirement):
+class OfWeights(Requirement):
+    """A requirement beside the nominal optimum, which is asked of laws with weights only."""
+
+    @classmethod
+    def can_be_asked_of(cls, law: Controller, value: Any) -> bool:
+        """Whether somebody has chosen the weights of the law's optimum."""
+        return law.designed.weighed
+
+    @classmethod
+    def refuse_undefined(cls, error: Any, laws: Sequence[str], signal: str) -> None:
+        """Refuse laws without weights."""
+        if not laws:
+            raise ArgumentError("no law that it is asked of has weights: give [task] Q and R")
+        super().refuse_undefined(error, laws, signal)
+
+
+class DeviationBelow(OfWeights):
     """Largest distance from the law's own nominal optimum."""
 
     key = "deviation_below"
@@ -55,7 +76,7 @@ class DeviationBelow(Requirement):
     not_in_logs = "a log is not compared with the nominal optimum"
 
 
-class CostRatioBelow(Requirement):
+class CostRatioBelow(OfWeights):
     """J with the whole input over J*.
 
     Under a law that chatters it grows with the run's length: the number belongs to a file's

@@ -24,6 +24,9 @@ from grosmc_mj.ground.arrays import Array, as_rows
 from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.theory.control.controller import Controller
 
+# Metrics of a run beside the optimum of its law's weights.
+OF_WEIGHTS = ("deviation", "cost_continuous", "cost_whole", "cost_optimal", "cost_ratio")
+
 
 def metrics_of(measurements: Sequence[Measurement], values: Any) -> dict[str, Array]:
     """Return the metrics of n runs of one law by name, (n,) each; infinite where undefined.
@@ -45,6 +48,8 @@ def metrics_of(measurements: Sequence[Measurement], values: Any) -> dict[str, Ar
     }
     metrics |= _transient_metrics(measurements, values)
     metrics |= _costs(measurements, values)
+    if not first.controller.designed.weighed:
+        metrics |= {name: np.full(len(values), np.inf) for name in OF_WEIGHTS}
     return metrics | _signal_metrics(first, values)
 
 
@@ -225,6 +230,9 @@ def usual_metrics(
         metrics["overshoot"] = Metric(None, "%", "several outputs")
     elif math.isinf(overshoot):
         metrics["overshoot"] = Metric(None, "%", "no initial error")
+    if not controller.designed.weighed:
+        of_weights = [name for name in metrics if name in OF_WEIGHTS]
+        metrics |= {name: Metric(None, units[name], "no weights") for name in of_weights}
     return metrics
 
 

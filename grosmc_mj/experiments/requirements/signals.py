@@ -37,7 +37,9 @@ def named_units(law: Controller, sliding_unit: str) -> dict[str, str]:
 
     output_units = {error.units[row] for row in error.output_rows}
     if len(output_units) == 1:
-        units[ERROR] = units[DEVIATION] = output_units.pop()
+        units[ERROR] = output_units.pop()
+        if law.designed.weighed:
+            units[DEVIATION] = units[ERROR]
     if sliding_unit:
         units.update(dict.fromkeys(sliding_names(error.inputs), sliding_unit))
     return units

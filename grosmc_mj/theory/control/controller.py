@@ -79,6 +79,8 @@ class Design:
             none.
         follows_optimum: Whether the error of the nominal loop is that of the optimum: the law is
             the LQR, with or without a term that vanishes where nothing disturbs it.
+        weighed: Whether somebody has chosen the weights of that optimum; else its runs have
+            neither a distance from it nor a cost.
     """
 
     error: OutputCoordinates | StateCoordinates
@@ -93,6 +95,7 @@ class Design:
     switched_law: Callable[[SwitchingTerm], Law] | None = None
     numbers_at: Callable[[float], Mapping[str, Any]] | None = None
     follows_optimum: bool = True
+    weighed: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,6 +273,7 @@ def noting_controller(
             gains=gains,
             linearizing=design.linearizing,
             follows_optimum=False,
+            weighed=design.weighed,
         ),
     )
 

@@ -288,6 +288,7 @@ def state_feedback(
         _feedback_gains(optimum),
         linearizing=linearizing,
         follows_optimum=follows_optimum,
+        weighed=task.weighed,
     )
     law = laws.optimal_feedback(task.error, linearizing=linearizing)
     m, n = optimum.K.shape

@@ -175,6 +175,7 @@ def dynamic_controller(
         numbers_at=lambda period: {"dynamics": at(period)},
         # Of these laws only the observer's is the LQR where there is no load.
         follows_optimum=not holds,
+        weighed=task.weighed,
     )
     law = dynamic_feedback(task.error, linearizing=linearizing, holds=holds)
     return Controller(name, law, parameters, memory, design)

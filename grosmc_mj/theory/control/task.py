@@ -141,6 +141,8 @@ class Task:
         model: (A, B) of z' = A z + B u about zero error; the plant's own linearization by default.
         limits: Least and largest of each input that the law may ask for, in the units of the
             inputs, (2, m); the plant's own by default.
+        weighed: False if nobody has chosen Q and R: no distance from their optimum and no cost is
+            told of the runs.
     """
 
     plant: Annotated[Plant, Is(Plant, "a plant, such as MujocoPlant.load(...)")]
@@ -152,6 +154,7 @@ class Task:
     R: Matrix
     model: tuple[Matrix, Matrix] | None = None
     limits: Annotated[ArrayLike, Reals((2, None), infinite=True)] | None = None
+    weighed: bool = True
 
     def __post_init__(self) -> None:
         self.error.require_task(self.plant, self._numbers_without_gain())
