@@ -28,6 +28,8 @@ _LAWS: Mapping[str, Sequence[str]] = {
 }
 # Those of the first page.
 _FEW = ("LQR", "ADRC", "GROSMC, sign function", "GROSMC, implicit", "GROSMC, adaptive gain")
+# Words behind a law whose numbers are those of a case.
+_NUMBERS = {"tuned": ", tuned"}
 _SYSTEMS = {
     "servo": "servo",
     "cart_pendulum": "cart-pendulum",
@@ -47,17 +49,27 @@ def failures_text(documents: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _failures_text(documents: Sequence[Mapping[str, Any]], laws: Sequence[str]) -> str:
-    systems = [document["target"].partition("/")[0] for document in documents]
+    """Table of the first rungs: a row a law, and a second one with its tuned numbers."""
+    of_numbers: dict[str, dict[str, Mapping[str, Any]]] = {}
+    for document in documents:
+        system, _, case = document["target"].partition("/")
+        of_numbers.setdefault(_NUMBERS.get(case, ""), {})[system] = document
+
+    systems = [system for system in _SYSTEMS if any(system in of for of in of_numbers.values())]
     rows = []
     for law in laws:
-        cells = [_first_failure(document, _LAWS[law]) for document in documents]
-        rows.append([law, *cells])
+        for numbers_of, ladders in of_numbers.items():
+            cells = [_first_failure(ladders.get(system), _LAWS[law]) for system in systems]
+            if any(cells):
+                rows.append([f"{law}{numbers_of}", *cells])
     columns = words("law", *(_SYSTEMS[system] for system in systems))
     return "\n".join(table("", columns, rows).markdown())
 
 
-def _first_failure(document: Mapping[str, Any], names: Sequence[str]) -> str:
+def _first_failure(document: Mapping[str, Any] | None, names: Sequence[str]) -> str:
     """The first rung on which a law fails, with the draws that keep it; empty without the law."""
+    if document is None:
+        return ""
     rows = [Verdict.model_validate(row) for row in document["verdicts"]]
     climbed = climbs(rows, document["conditions"][0]["name"])
     for name in names:

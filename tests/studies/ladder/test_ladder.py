@@ -450,6 +450,20 @@ def table_under(title: str) -> list[str]:
     return tables[title].splitlines()[2:]
 
 
+def test_a_law_has_a_second_row_with_tuned_numbers() -> None:
+    def document(case: str, share: float) -> dict[str, Any]:
+        climb = row("friction", share)
+        conditions = [{"name": climb.condition}]
+        verdicts = [climb.model_dump()]
+        return {"target": f"servo/{case}", "conditions": conditions, "verdicts": verdicts}
+
+    written = [document("machine", 2.0), document("tuned", 0.5)]
+    assert pages.few_failures_text(written).splitlines()[2:] == [
+        "| LQR | friction |",
+        "| LQR, tuned | kept |",
+    ]
+
+
 def test_the_document_has_every_row() -> None:
     climbs = loaded_document()["verdicts"]
     assert [Verdict.model_validate(climb) for climb in climbs] == TWO_CONDITIONS
