@@ -7,16 +7,23 @@ current and cogging come between.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from functools import cache
+from typing import Annotated, Any, NamedTuple
 
 import mujoco
+import numpy as np
+from numba import types
 
 from grosmc_mj.ground.arrays import Array, as_rows
+from grosmc_mj.ground.compilation.compiler import compile_c
+from grosmc_mj.ground.compilation.structures import Vector, pointer, structure_at, structure_of
 from grosmc_mj.mechanics.machine.motor import Motor
+from grosmc_mj.simulation.guard import c_address, guard
+from grosmc_mj.simulation.kernel import READ, STEP
 from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.theory.plants import Plant
 
-_FULL_PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
+_STATE = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 
 
 def motors_of(plant: Plant) -> list[Motor]:
@@ -53,18 +60,95 @@ def _acting(
     timestep from there on does.
     """
     model = plant.model
-    data = mujoco.MjData(model)
     ideal = plant.rigid.model
     places = [model.actuator(motor.input).id for motor in motors]
     scales = [motor.input_of_force(ideal) for motor in motors]
 
+    forces = _forces(model, physics, disturbed)
     acting = given.copy()
-    for i, u in enumerate(disturbed):
-        mujoco.mj_setState(model, data, physics[i], _FULL_PHYSICS)
-        data.ctrl[:] = u
-        mujoco.mj_fwdPosition(model, data)
-        mujoco.mj_fwdVelocity(model, data)
-        mujoco.mj_fwdActuation(model, data)
-        for place, scale in zip(places, scales, strict=True):
-            acting[i, place] = scale * data.actuator_force[place]
+    acting[:, places] = forces[:, places] * scales
     return acting
+
+
+class _ForceRun(NamedTuple):
+    """A model that is put into one state after the other: addresses of functions and memory.
+
+    Attributes:
+        write: MuJoCo's ``mj_setState``: (model, data, address, kind of state).
+        position: MuJoCo's ``mj_fwdPosition``: (model, data).
+        velocity: MuJoCo's ``mj_fwdVelocity``.
+        actuation: MuJoCo's ``mj_fwdActuation``.
+        model: mjModel.
+        data: mjData.
+        states: The N states, one after the other.
+        width: Bytes of a state.
+        inputs: Inputs, (N, m).
+        forces: Forces of the k actuators, (N, k), which are written.
+        ctrl: Inputs of the data, (m,).
+        force: Forces of its actuators, (k,): friction of a drive is one without an input.
+    """
+
+    write: Annotated[Any, types.FunctionType(READ)]
+    position: Annotated[Any, types.FunctionType(STEP)]
+    velocity: Annotated[Any, types.FunctionType(STEP)]
+    actuation: Annotated[Any, types.FunctionType(STEP)]
+    model: Annotated[Any, types.int64]
+    data: Annotated[Any, types.int64]
+    states: Annotated[Any, types.int64]
+    width: Annotated[Any, types.int64]
+    inputs: Annotated[Array, types.Array(types.float64, 2, "C")]
+    forces: Annotated[Array, types.Array(types.float64, 2, "C")]
+    ctrl: Vector
+    force: Vector
+
+
+_run_at = structure_at(_ForceRun)
+
+
+@cache
+def _compiled_forces() -> Any:
+    """Compile the computation of all forces to a C function of a ``_ForceRun``, see ``Guard``."""
+
+    def entry(_model: int, _data: int, _number: int, run: int) -> None:
+        r = _run_at(pointer(run))
+        for i in range(len(r.inputs)):
+            r.write(r.model, r.data, r.states + i * r.width, _STATE)
+            for k in range(len(r.ctrl)):
+                r.ctrl[k] = r.inputs[i, k]
+            r.position(r.model, r.data)
+            r.velocity(r.model, r.data)
+            r.actuation(r.model, r.data)
+            for k in range(len(r.force)):
+                r.forces[i, k] = r.force[k]
+
+    return compile_c(entry, types.int64, types.int64, types.int64, types.int64)
+
+
+def _forces(model: mujoco.MjModel, physics: Array, inputs: Array) -> Array:
+    """Return the forces of a model's k actuators in some states, (N, k).
+
+    Args:
+        model: The model.
+        physics: States as MuJoCo has them, (N, size).
+        inputs: Inputs, (N, m).
+    """
+    data = mujoco.MjData(model)
+    states = np.ascontiguousarray(physics)
+    run = _ForceRun(
+        write=c_address("mj_setState"),
+        position=c_address("mj_fwdPosition"),
+        velocity=c_address("mj_fwdVelocity"),
+        actuation=c_address("mj_fwdActuation"),
+        model=model._address,
+        data=data._address,
+        states=states.ctypes.data,
+        width=states.strides[0],
+        inputs=np.ascontiguousarray(inputs),
+        forces=np.zeros((len(inputs), len(data.actuator_force))),
+        ctrl=data.ctrl,
+        force=data.actuator_force,
+    )
+    structure = structure_of(run)
+    with guard() as thread_guard:
+        thread_guard.call(_compiled_forces().address, structure.ctypes.data)
+    return run.forces

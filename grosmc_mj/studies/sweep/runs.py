@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -438,7 +440,7 @@ def _simulated(
                 valid_until=np.asarray(batch.valid_until, float),
                 last=batch.state[:, -1].copy(),
                 accumulated=batch.accumulated,
-                recorded=_recorded_metrics(batch, runs[part], recorded),
+                recorded=_recorded_metrics(batch, runs[part], recorded, threads),
             )
         )
     if len(chunks) == 1:
@@ -456,19 +458,22 @@ def _simulated(
 
 
 def _recorded_metrics(
-    batch: Trajectory, runs: Sequence[Run], limits: Sequence[Requirement]
+    batch: Trajectory, runs: Sequence[Run], limits: Sequence[Requirement], threads: int
 ) -> dict[str, Array]:
     """Return the metrics of recorded runs by name, (n,) each."""
     metrics = {limit.metric: np.full(len(runs), np.inf) for limit in limits}
     if not limits:
         return metrics
-    for i, run in enumerate(runs):
-        if batch.status[i] is not Status.COMPLETED:
-            continue
-        acting = with_acting(batch[i], run.plant)
-        record = RecordedRun(acting, run.law, run.case.conditions(run.plant))
-        for limit in limits:
-            metrics[limit.metric][i] = limit.of_record(record)
+    completed = [i for i in range(len(runs)) if batch.status[i] is Status.COMPLETED]
+    trajectories = [batch[i] for i in completed]
+    plants = [runs[i].plant for i in completed]
+    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+        acting = pool.map(with_acting, trajectories, plants)
+        for i, trajectory in zip(completed, acting, strict=True):
+            run = runs[i]
+            record = RecordedRun(trajectory, run.law, run.case.conditions(run.plant))
+            for limit in limits:
+                metrics[limit.metric][i] = limit.of_record(record)
     return metrics
 
 
