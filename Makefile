@@ -34,7 +34,8 @@ INSTALLED := $(VENV)/.installed
 SYSTEM := $(VENV)/.system
 SECOND_COMPILER := $(VENV)/.second_compiler
 # Python compiles a module when it is first imported: most of these never are. It keeps what it has
-# compiled, else every start would take twice the time: a container may tell it not to.
+# compiled, else every start would take three times as long. A container may tell it not to, and
+# keep a user's runs from it: so the set-up makes the first run (below).
 unexport PYTHONDONTWRITEBYTECODE
 PIP_INSTALL := PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip install -qq --no-compile
 
@@ -161,6 +162,8 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || { rm -rf $(VENV) && $(PYTHON) -m venv $(VENV); }
 	@echo 'Installing grosmc_mj and its pinned packages in $(VENV)'
 	@$(PIP_INSTALL) -c constraints.txt -e '.[dev]'
+	@echo 'Compiling what a run needs'
+	@$(BIN)/grosmc-mj run cart_pendulum/case1 --out $(VENV)/first_run >$(VENV)/first_run.log 2>&1 || :
 	@touch $@
 
 # Install packages by apt if root: $(1) the packages, $(2) what needs them. Never fails: all else works

@@ -11,7 +11,7 @@ from typing import Annotated, ClassVar, TypeVar, dataclass_transform
 
 from cyclopts import Group, Parameter, Token
 
-from grosmc_mj.cli.targets import TARGET
+from grosmc_mj.cli.targets import TARGET, require_target
 from grosmc_mj.ground.errors import value_text
 
 AnyCommand = TypeVar("AnyCommand", bound="Command")
@@ -84,6 +84,20 @@ class Command:
     def simulates(self) -> bool:
         """True if the command needs MuJoCo."""
         return True
+
+    @property
+    def case_target(self) -> str | None:
+        """The case or the case file that the command is about; None if it is about none."""
+        return getattr(self, "target", None)
+
+    def require_target(self) -> None:
+        """Refuse a target that is no case, or a file that cannot be read, before all work.
+
+        Raises:
+            ArgumentError: As for ``cli.targets.require_target``.
+        """
+        if self.case_target:
+            require_target(self.case_target)
 
     def require_outputs(self) -> None:
         """Refuse places of results where nothing can be written, before all work.

@@ -23,6 +23,7 @@ from grosmc_mj.cli.commands import ABOUT, COMMANDS, GROUPS, STUDIES, Entry, Subc
 from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.cli.streams import PROGRAM
 from grosmc_mj.ground.errors import ArgumentError, SetupError, unknown_name, value_text
+from grosmc_mj.ground.versions import __version__
 from grosmc_mj.output.films.offscreen import without_graphics
 
 if TYPE_CHECKING:
@@ -49,6 +50,8 @@ def execute(arguments: Sequence[str]) -> int:
     command = parse(arguments)
     if command is None:
         return DONE
+    # Before the libraries that simulate are imported, which takes most of a short command's time.
+    command.require_target()
     command.require_outputs()
     if not command.simulates:
         return command.execute()
@@ -63,7 +66,7 @@ def execute(arguments: Sequence[str]) -> int:
 
 
 def parse(arguments: Sequence[str]) -> Command | None:
-    """Return the command that the arguments describe; None if they ask for help, now printed.
+    """Return the command that the arguments describe; None after --help or --version.
 
     Raises:
         ArgumentError: If they describe none, in one line.
@@ -108,7 +111,8 @@ def _application(words: Sequence[str]) -> App:
         help=ABOUT,
         # Markdown would take a tenth of a second to import.
         help_format="plaintext",
-        version_flags=(),
+        version=f"{PROGRAM} {__version__}",
+        version_flags=("--version",),
         group_parameters=_OPTIONS,
         default_parameter=Parameter(
             allow_repeating=True,

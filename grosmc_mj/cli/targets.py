@@ -18,6 +18,23 @@ _SHOWN_CASE = "case1"
 _FILE = ".toml"
 
 
+def require_target(target: str) -> None:
+    """Refuse a target that is no case, or a file that cannot be read.
+
+    It imports no library that simulates: a misspelt name is refused at once.
+
+    Raises:
+        ArgumentError: If there is no such case or file, or the file, or one that it extends, is
+            no TOML.
+    """
+    from grosmc_mj.experiments.file.content import layers_of
+    from grosmc_mj.experiments.file.shipped import find_file, shipped_files
+
+    systems = {name.split("/")[0] for name in shipped_files()}
+    if target not in systems:
+        layers_of(find_file(target))
+
+
 def result_name(path: Path) -> str:
     """Return the name of a case file's results; of a case of the package it is SYSTEM_CASE."""
     from grosmc_mj.experiments.file.shipped import CASES as PACKAGED

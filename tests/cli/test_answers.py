@@ -277,7 +277,7 @@ def test_the_overview_has_a_line_for_each_command(capsys: Screen, monkeypatch: P
     assert run("--help") == cli.DONE
     lines = capsys.readouterr().out.splitlines()
     rows = [line for line in lines if line.startswith("│")]
-    assert [row.split()[1] for row in rows] == [*COMMANDS, "--help"]
+    assert [row.split()[1] for row in rows] == [*COMMANDS, "--help", "--version"]
 
 
 @pytest.mark.parametrize("arguments", ["claims servo", "claims judge servo"])

@@ -70,24 +70,35 @@ def process(*arguments: Any, **options: Any) -> subprocess.CompletedProcess[str]
     )
 
 
-# In one process: --help, list and run of a file, and the libraries that are imported afterwards.
+# One command, and those of the libraries that are imported afterwards.
 IMPORTS = """
 import contextlib, io, sys
 from grosmc_mj.cli import main
 
-heavy = {"numpy", "mujoco", "numba", "sympy", "scipy", "pydantic", "matplotlib"}
-unused = {
-    "matplotlib", "control", "scipy.stats", "scipy.optimize", "pyarrow", "dask", "loky"
-}
-
-def imported(libraries, *arguments):
-    with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):
+libraries, *arguments = sys.argv[1:]
+with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):
+    with contextlib.redirect_stderr(io.StringIO()):
         main(arguments)
-    print(arguments[0], sorted(libraries & set(sys.modules)))
-
-imported(heavy | {"rich.markdown"}, "--help")
-imported(heavy, "list")
-imported(unused, "run", "servo/nominal", "--no-figures", "--out", sys.argv[1])
+print(*[name for name in libraries.split() if name in sys.modules])
+"""
+# Libraries that take longer to import than a short command may take.
+HEAVY = "numpy mujoco numba sympy scipy pydantic matplotlib rich.markdown"
+# Libraries that no equations, no design of a law and no run needs.
+UNUSED = (
+    "matplotlib plotly PIL control pandas scipy.stats scipy.optimize pyarrow dask loky dm_control"
+)
+# And those that reading and checking a case file does not need.
+UNREAD = f"{UNUSED} scipy.linalg scipy.ndimage scipy.special"
+# A case file that is no TOML, and one that names a state which the plant does not have.
+NO_TOML = "[plant]\nsystem = servo\n"
+NO_STATE = """
+[plant]
+system = "servo"
+[run]
+start = { "rotor angel" = "1 rad" }
+duration = "1 s"
+[[controller]]
+law = "lqr"
 """
 # Ctrl-C while a module is looked for: most of the time of a short command goes into imports.
 INTERRUPT = """
@@ -106,10 +117,28 @@ main(["run", sys.argv[2]])
 """
 
 
-@pytest.mark.slow
-def test_a_command_imports_only_libraries_that_it_needs(tmp_path: Path) -> None:
-    done = process("-c", IMPORTS, tmp_path)
-    assert done.stdout == "--help []\nlist []\nrun []\n"
+@pytest.mark.parametrize(
+    ("libraries", "command"),
+    [
+        (HEAVY, "--help"),
+        (HEAVY, "--version"),
+        (HEAVY, "list"),
+        (HEAVY, "run --help"),
+        (HEAVY, "study margins --help"),
+        (HEAVY, "run nosuch"),
+        (HEAVY, "run servo --no-figure"),
+        (HEAVY, "run no_toml.toml"),
+        (UNREAD, "run no_state.toml"),
+        pytest.param(UNUSED, "run servo/nominal --no-figures", marks=pytest.mark.slow),
+    ],
+)
+def test_a_command_imports_only_libraries_that_it_needs(
+    libraries: str, command: str, tmp_path: Path
+) -> None:
+    (tmp_path / "no_toml.toml").write_text(NO_TOML)
+    (tmp_path / "no_state.toml").write_text(NO_STATE)
+    done = process("-c", IMPORTS, libraries, *command.split(), cwd=tmp_path)
+    assert done.stdout == "\n"
     assert done.stderr == ""
 
 

@@ -72,7 +72,6 @@ REFUSALS = [
     ("run servo --verbose=maybe", "--verbose"),
     ("run servo --out", "--out: a value is missing; for help: grosmc-mj run --help"),
     ("run --target servo", "unknown option --target"),
-    ("--version", "unknown option --version; for help: grosmc-mj --help"),
     ("study region servo --limits 1 x", "--limits"),
     (
         "study",

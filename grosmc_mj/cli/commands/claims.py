@@ -48,6 +48,11 @@ class JudgeCommand(AnsweringCommand):
     page: Annotated[Path | None, Parameter(metavar="FILE.md", group=OUTPUT)] = None
     out: Out = Path("renders")
 
+    @property
+    def case_target(self) -> None:
+        """None: a claim is no case."""
+        return None
+
     def questions(self) -> Sequence[Question]:
         """Return the one question of the claims."""
         from grosmc_mj.chapter.claims.ledger import select_claims
@@ -141,6 +146,11 @@ class SweepCommand(AnsweringCommand):
     _: KW_ONLY
     record: Flag = False
     out: Out = Path("renders")
+
+    @property
+    def case_target(self) -> None:
+        """None: a claim is no case."""
+        return None
 
     def questions(self) -> Sequence[Question]:
         """Return the one question of the sweeps."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.ndimage import minimum_filter1d
+import scipy
 
 from grosmc_mj.experiments.requirements.expressions import Expression
 from grosmc_mj.ground.arrays import Array
@@ -230,4 +230,6 @@ def _least(values: Array, first: int, last: int) -> Array:
     size = last - first + 1
     if size >= count:
         return np.minimum.accumulate(moved[::-1])[::-1]
-    return minimum_filter1d(moved, size, mode="constant", cval=np.inf, origin=-(size // 2))
+    return scipy.ndimage.minimum_filter1d(
+        moved, size, mode="constant", cval=np.inf, origin=-(size // 2)
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import scipy.linalg
+import scipy
 
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.compilation.jitable import jitable

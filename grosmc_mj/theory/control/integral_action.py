@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-import scipy.linalg
+import scipy
 
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.theory.control.controller import Controller, named_gains

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
+import scipy
 
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import name_list

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-import scipy.linalg
+import scipy
 
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import GainError

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import scipy.linalg
+import scipy
 
 from grosmc_mj.chapter.claims.claim import ClaimValue
 from grosmc_mj.chapter.claims.measurements.measures import from_run, sliding

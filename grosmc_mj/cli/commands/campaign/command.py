@@ -141,6 +141,13 @@ class CampaignCommand(AnsweringCommand):
     figures: Figures = True
     case_file: Annotated[Path | None, Parameter(metavar="FILE", group=OUTPUT)] = None
 
+    @property
+    def case_target(self) -> str | None:
+        """The target, if it is not the folder of a campaign."""
+        if self.plant is not None or Path(self.target).is_dir():
+            return None
+        return self.target
+
     def execute(self) -> int:
         """Run the missing parts, print the answer, search; or write the case file of a plant."""
         self._refuse_idle()

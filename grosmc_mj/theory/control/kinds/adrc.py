@@ -8,7 +8,7 @@ from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
-import scipy.linalg
+import scipy
 
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.fields import checked

@@ -6,7 +6,7 @@ import math
 from typing import Annotated, Any
 
 import numpy as np
-import scipy.linalg
+import scipy
 
 from grosmc_mj.ground.fields import checked
 from grosmc_mj.theory.control.controller import Controller
