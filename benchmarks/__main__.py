@@ -143,7 +143,7 @@ def main() -> None:
             parser.error(str(error))
     else:
         for item in measured(options.parts):
-            console.print(item)
+            screen.wide_console().print(item)
 
 
 if __name__ == "__main__":

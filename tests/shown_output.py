@@ -46,7 +46,9 @@ def require_command(block: str, capsys: Screen) -> None:
     output = capsys.readouterr()
     # Exit code 1 is a requirement that is not kept, or a measured number outside its spread.
     failed = re.search(
-        r"\A\d+ of \d+ requirements are not kept|^outside the spread:", output.out, re.MULTILINE
+        r"\A\d+ of \d+ requirements? (?:is|are) not kept|^outside the spread:",
+        output.out,
+        re.MULTILINE,
     )
     assert code == int(failed is not None), output.err
     require_shown(output.out, shown)

@@ -8,6 +8,7 @@ from typing import Any
 
 from grosmc_mj.experiments.assumptions.audit import Audit, Premise, Reading
 from grosmc_mj.experiments.settings import Settings
+from grosmc_mj.ground.wording import counted, counted_of, unit_after
 from grosmc_mj.output.results.document import plain
 from grosmc_mj.output.results.result import (
     KEPT,
@@ -83,10 +84,10 @@ def _answer(audits: Sequence[Audit]) -> Answer:
     total = sum(len(audit.premises) for audit in audits)
 
     verdict = KEPT
-    sentence = f"All {total} premises of {law} hold"
+    sentence = f"All {counted(total, 'premise')} of {law} hold"
     if failed:
         verdict = NOT_KEPT
-        sentence = f"{failed} of {total} premises of {law} fail"
+        sentence = f"{counted_of(failed, total, f'premise of {law}', 'fails', 'fail')}"
     points = [f"{audit.case.name}: {line}" for audit in audits for line in worst_points(audit)]
     return Answer(
         question=f"Premises of {law} on {audits[0].case.system}",
@@ -212,9 +213,7 @@ def _margin(reading: Reading | None, unit: str) -> str:
     if reading is None:
         return ""
 
-    margin = f"{reading.margin:.3g}"
-    if unit != "1":
-        margin += f" {unit}"
+    margin = f"{reading.margin:.3g}{unit_after(unit)}"
     if reading.violated:
         margin += f" ({100 * reading.violated:.0f} %)"
     return margin

@@ -24,6 +24,7 @@ from grosmc_mj.experiments.case_document import case_document
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.requirements.metrics import Metric, largest_of
 from grosmc_mj.experiments.settings import Settings
+from grosmc_mj.ground.wording import counted, plural, unit_after
 from grosmc_mj.output.results.result import (
     KEPT,
     NOT_KEPT,
@@ -40,7 +41,7 @@ from grosmc_mj.output.results.tables import Table, number, numbers, table, words
 
 # Columns of the table of results, and the metric in each.
 _COLUMNS = {
-    "max |x1 − x1*|": "deviation",
+    "max |y − y*|": "deviation",
     "settled": "settling_time",
     "max |s|": "max_sliding",
     "J(u_c) / J*": "continuous",
@@ -95,14 +96,19 @@ class Validation:
     @property
     def words(self) -> str:
         """One sentence: whether the results are as recorded."""
+        done = counted(len(self.results), "run")
         if not self.complete:
-            return f"Not complete: {len(self.results)} runs are done."
+            return f"Not complete: {done} {plural(len(self.results), 'is', 'are')} done."
         if self.differences:
-            return f"{len(self.differences)} results differ from the recorded ones."
+            count = len(self.differences)
+            differ = plural(count, "differs", "differ")
+            return f"{counted(count, 'result')} {differ} from the recorded ones."
 
-        sentence = f"All {len(self.results)} runs are as recorded."
+        sentence = f"All {done} are as recorded."
         if self.findings:
-            sentence += f" All {len(self.findings)} verdicts of the claims are as expected."
+            sentence += (
+                f" All {counted(len(self.findings), 'verdict')} of the claims are as expected."
+            )
         return sentence
 
     def result(self) -> Result:
@@ -132,8 +138,9 @@ class Validation:
             verdict = OPEN
         elif self.differences:
             verdict = NOT_KEPT
+        runs = counted(len(self.results), "run")
         return Answer(
-            question=f"Validation: {len(self.results)} runs, {len(self.findings)} claims",
+            question=f"Validation: {runs}, {counted(len(self.findings), 'claim')}",
             verdict=verdict,
             words=self.words,
             more=counts_words(self.findings),
@@ -217,7 +224,7 @@ def deviations_table(results: Sequence[RunResult]) -> Table:
         row = [cells_of_case.get(law, "") for law in laws]
         rows.append([target, *row])
 
-    title = "In MuJoCo, max|x1-x1*|: how far each law strays from its nominal optimum"
+    title = "In MuJoCo, max|y-y*|: how far each law strays from its nominal optimum"
     return table(title, [*words("case"), *numbers(*laws)], rows)
 
 
@@ -255,6 +262,6 @@ def _cell(metric: Metric | None) -> str:
         return "not reached" if metric.note == "not reached" else ""
 
     cell = number(metric.value)
-    if metric.unit not in ("1", "1/s"):
-        cell += f" {metric.unit}"
-    return cell
+    if metric.unit == "1/s":
+        return cell
+    return f"{cell}{unit_after(metric.unit)}"

@@ -23,6 +23,7 @@ from grosmc_mj.ground.arguments import reals
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, SetupError
 from grosmc_mj.ground.fields import Range
+from grosmc_mj.ground.wording import titled
 from grosmc_mj.mechanics.physics.hooks import refuse_foreign_callback, warnings_counted_only
 from grosmc_mj.output.films.offscreen import BACKENDS, render_here
 from grosmc_mj.output.films.scene import default_camera, pose
@@ -370,7 +371,7 @@ def _numbers(
     count = len(signals)
     fits = numbers.shape in {(), (count,)}
     if not fits or not all(map(bound.holds, numbers.ravel().tolist())):
-        labels = ", ".join(f"{signal.name} [{signal.unit}]" for signal in signals)
+        labels = ", ".join(titled(signal.name, signal.unit) for signal in signals)
         raise ArgumentError(
             f"{name} = {value!r} must be one number or {count}, {bound.wanted}: {labels}"
         )

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.ground.wording import titled
 from grosmc_mj.theory.control.controller import Controller
 from grosmc_mj.theory.control.matrices import quadratic
 from grosmc_mj.theory.plants import System
@@ -110,4 +111,4 @@ class Index:
 
 def input_label(system: System) -> str:
     """The inputs with their units: ``force [N]``."""
-    return ", ".join(f"{signal.name} [{signal.unit}]" for signal in system.inputs)
+    return ", ".join(titled(signal.name, signal.unit) for signal in system.inputs)

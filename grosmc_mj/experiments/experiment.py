@@ -58,6 +58,7 @@ from grosmc_mj.ground.errors import (
 )
 from grosmc_mj.ground.fields import Is
 from grosmc_mj.ground.units import in_units
+from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.mechanics.machine import MachinePart
 from grosmc_mj.mechanics.machine.motor import Motor
 from grosmc_mj.mechanics.physics.edit import Edit
@@ -891,9 +892,7 @@ def _with_unit(metric: Metric) -> str:
     """Return a metric with its unit, or the reason why it has no value."""
     if metric.value is None:
         return f"- ({metric.note})"
-    if metric.unit == "1":
-        return f"{metric.value:.4g}"
-    return f"{metric.value:.4g} {metric.unit}"
+    return f"{metric.value:.4g}{unit_after(metric.unit)}"
 
 
 def judge(target: str | Path | Experiment) -> list[Judgement]:

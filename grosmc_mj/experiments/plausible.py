@@ -12,6 +12,7 @@ import numpy as np
 
 from grosmc_mj.experiments.file.parts import table_of
 from grosmc_mj.ground.fields import Range, range_of
+from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.mechanics.machine.stops import Stop
 from grosmc_mj.mechanics.physics.edit import Edit
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
@@ -47,9 +48,8 @@ def implausible(
             continue
         usual = bounds.unusual(value)
         if usual:
-            line = f"{label} = {value:g} {bounds.unit} is implausible; usual: {usual} {bounds.unit}"
-            # A number without a unit leaves two blanks.
-            yield " ".join(line.split())
+            unit = unit_after(str(bounds.unit))
+            yield f"{label} = {value:g}{unit} is implausible; usual: {usual}{unit}"
 
 
 def _starts(system: System, x0: Sequence[float]) -> Iterator[tuple[str, Any, Range]]:
@@ -125,8 +125,8 @@ def beyond_ranges(
             if low - rounding <= value <= high + rounding:
                 continue
             line = (
-                f"{label}: {position.name} = {value:.4g} {position.unit} is beyond the joint's "
-                f"range of {low:.4g} to {high:.4g} {position.unit}"
+                f"{label}: {position.name} = {value:.4g}{unit_after(position.unit)} is beyond "
+                f"the joint's range of {low:.4g} to {high:.4g}{unit_after(position.unit)}"
             )
             if position.unit == "rad" and math.degrees(low) <= value <= math.degrees(high):
                 line += _DEGREES

@@ -17,6 +17,7 @@ from grosmc_mj.export.law import LawInC
 from grosmc_mj.export.processor.on_processor import OnProcessor
 from grosmc_mj.export.proof import Proof, Verdict
 from grosmc_mj.ground.versions import versions
+from grosmc_mj.ground.wording import counted, plural, unit_after
 from grosmc_mj.output.results.result import (
     KEPT,
     MEASURED,
@@ -120,9 +121,9 @@ def _measured(judgement: Judgement) -> str:
     """Measured value, or the margin of a formula that has no other, with its unit."""
     unit = judgement.requirement.unit
     if judgement.measured is not None:
-        return f"{number(judgement.measured)} {unit}".strip()
+        return f"{number(judgement.measured)}{unit_after(unit)}"
     if judgement.margin is not None:
-        return f"margin {number(judgement.margin)} {unit}".strip()
+        return f"margin {number(judgement.margin)}{unit_after(unit)}"
     return "-"
 
 
@@ -209,7 +210,8 @@ def export_result(
             sheets.append(ReportTable(table=verdict_table(proof.verdicts), brief=True))
     words_ = f"{law.name}.c: {proven}"
     if proof is not None and proof.overturned:
-        words_ += f"; {len(proof.overturned)} verdicts differ"
+        overturned = len(proof.overturned)
+        words_ += f"; {counted(overturned, 'verdict')} {plural(overturned, 'differs', 'differ')}"
     configuration = {
         "case": str(experiment.path),
         "law": law.controller.name,

@@ -24,6 +24,7 @@ from grosmc_mj.export.law import LawInC
 from grosmc_mj.export.samples import c_answers, compare_at_samples, random_runs, unequal_bits
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.ground.wording import counted, counted_of, unit_after
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.studies.sweep.family import family_of, random_points
@@ -114,20 +115,22 @@ class Proof:
     @property
     def words(self) -> str:
         """The result in a sentence."""
-        runs = f"{self.runs} runs of the case"
+        runs = f"{counted(self.runs, 'run')} of the case"
         if self.random_plants:
-            runs += f", {self.random_plants} random plants"
+            runs += f", {counted(self.random_plants, 'random plant')}"
         if self.random_states:
-            runs += f", {self.random_states} random states"
+            runs += f", {counted(self.random_states, 'random state')}"
+        samples = counted(self.samples, "sample")
         if self.blind:
-            return f"not proven: a changed digit is not noticed in {self.samples} samples, {runs}"
+            return f"not proven: a changed digit is not noticed in {samples}, {runs}"
         if self.equal:
-            return f"equal to the last bit in {self.samples} samples, {runs}"
-        text = f"{self.different} of {self.samples} samples differ, {runs}"
+            return f"equal to the last bit in {samples}, {runs}"
+        different = counted_of(self.different, self.samples, "sample", "differs", "differ")
+        text = f"{different}, {runs}"
         if self.largest is not None:
             largest = self.largest
             text += (
-                f"; the input by at most {largest.value:.3g} {largest.unit}, at "
+                f"; the input by at most {largest.value:.3g}{unit_after(largest.unit)}, at "
                 f"{largest.time:g} s on {largest.place}"
             )
         if self.early_end:

@@ -9,6 +9,7 @@ from typing import Any
 import jinja2
 
 from grosmc_mj.export.c_text import calls, comment, mentions, wrapped
+from grosmc_mj.ground.wording import titled
 from grosmc_mj.theory.plants import Signal
 
 
@@ -33,5 +34,7 @@ def rendered(template: str, **values: Any) -> str:
 
 def listed(signals: Sequence[Signal], array: str) -> str:
     """Return names and units of the entries of an array."""
-    places = [f"{array}[{i}] {signal.name} [{signal.unit}]" for i, signal in enumerate(signals)]
+    places = [
+        titled(f"{array}[{i}] {signal.name}", signal.unit) for i, signal in enumerate(signals)
+    ]
     return ", ".join(places)

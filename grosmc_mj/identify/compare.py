@@ -12,6 +12,7 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.logs.log import Log
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, GrosmcError, SetupError
+from grosmc_mj.ground.wording import titled, unit_after
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.identify.starts import fitted_starts
@@ -211,17 +212,17 @@ def _state_sheet(state: str, rows: Sequence[PredictionError], log: Log) -> Repor
     unit = rows[0].unit
     ages = [f"{age:.3g} s" for age in rows[0].horizons]
     errors = table(
-        f"Prediction error of {state} [{unit}] by time since the start of the prediction",
+        f"Prediction error of {titled(state, unit)} by time since the start of the prediction",
         [*names("rung"), *numbers(*ages)],
         [(row.rung, *map(number, row.rms)) for row in rows],
         legend="RMS over all windows; the sensor's own noise is "
-        f"{number(log.noise(state))} {unit}.",
+        f"{number(log.noise(state))}{unit_after(unit)}.",
     )
 
     lines = []
     for row in rows:
         y = list(map(finite, row.rms))
         lines.append(Series(name=row.rung, x=list(row.horizons), y=y))
-    titles = ("time since start [s]", f"RMS error [{unit}]")
+    titles = ("time since start [s]", titled("RMS error", unit))
     chart = LineChart(name=state, titles=titles, lines=lines)
     return ReportTable(table=errors, charts=[chart], brief=True)

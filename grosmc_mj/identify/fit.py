@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.identify.hidden import HiddenParameter, hidden_parameter
 from grosmc_mj.identify.intervals import covariance, half_widths
 from grosmc_mj.identify.model import LogModel
@@ -99,7 +100,7 @@ class Fit:
         shares = np.abs(self.shift) / self.half
         worst = int(np.argmax(shares))
         quantity = self.parameters.quantities[int(np.flatnonzero(self.fitted)[worst])]
-        shift = f"{abs(self.shift[worst]):.2g} {quantity.unit}".rstrip()
+        shift = f"{abs(self.shift[worst]):.2g}{unit_after(quantity.unit)}"
         direction = "lower" if self.shift[worst] > 0 else "higher"
         words = (
             f"fitted at a timestep of {1e3 * last:.3g} ms: at {1e3 * first:.3g} ms {quantity.name} "

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.identify.parameters import Parameters
 
 # A direction whose standard deviation is more than this share of the parameters is not visible.
@@ -147,5 +148,8 @@ def _visible_words(first: _Member, second: _Member) -> str:
 def _changes(members: Sequence[_Member]) -> str:
     """Changes that cancel each other, the first one by 1."""
     unit = 1 / members[0].change
-    changes = [f"{member.name} by {member.change * unit:.3g} {member.unit}" for member in members]
+    changes = [
+        f"{member.name} by {member.change * unit:.3g}{unit_after(member.unit)}"
+        for member in members
+    ]
     return ", ".join(change.rstrip() for change in changes)

@@ -10,6 +10,7 @@ import numpy as np
 from grosmc_mj.experiments.logs.log import Log
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.ground.wording import counted, unit_after
 from grosmc_mj.output.results.tables import number
 from grosmc_mj.simulation.law_inputs import sample_law
 from grosmc_mj.simulation.loop import AppliedLoop
@@ -48,15 +49,15 @@ class LawOnLog(NamedTuple):
     @property
     def words(self) -> str:
         """The finding in a sentence."""
+        unit = unit_after(self.unit)
         if self.first is None:
             late = ""
             if self.rows:
-                rows = "row" if self.rows == 1 else "rows"
-                late = f", {self.rows} {rows} after its states"
-            return f"reproduces the logged command to {self.largest:.1e} {self.unit}{late}"
+                late = f", {counted(self.rows, 'row')} after its states"
+            return f"reproduces the logged command to {self.largest:.1e}{unit}{late}"
         return (
-            f"differs from the logged command by up to {number(self.largest)} {self.unit}, first "
-            f"at {self.first:.4g} s: {number(self.asked)}, logged {number(self.logged)} {self.unit}"
+            f"differs from the logged command by up to {number(self.largest)}{unit}, first "
+            f"at {self.first:.4g} s: {number(self.asked)}, logged {number(self.logged)}{unit}"
         )
 
 

@@ -15,6 +15,7 @@ from grosmc_mj.experiments.logs.log import Log
 from grosmc_mj.experiments.measured import MeasuredResult, partly_known, run_of_log
 from grosmc_mj.ground.arrays import Array, as_rows
 from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.identify.law_on_log import LawOnLog, law_on_log
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.replay import Predictor
@@ -301,7 +302,7 @@ def _no_step_words(experiment: Experiment, log: Log) -> str:
     """Message of runs that end in their first step."""
     start = []
     for state, value in zip(experiment.nominal.system.states, experiment.x0, strict=True):
-        start.append(f"{state.name} {value:.4g} {state.unit}".rstrip())
+        start.append(f"{state.name} {value:.4g}{unit_after(state.unit)}")
     return (
         f"{log.name}: every predicted run ends in its first step, from {', '.join(start)}: check "
         "the units of the log, or give the run another start"

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from grosmc_mj.ground.wording import counted, titled, unit_after
 from grosmc_mj.identify.predict import PredictedQuantity, Prediction, PredictionQuestion
 from grosmc_mj.output.charts.chart import Chart, ChartAxis, Curve, Layer, Panel
 from grosmc_mj.output.charts.figure import write_chart
@@ -108,7 +109,7 @@ def _law_answer(question: PredictionQuestion) -> Answer:
 def _headline(item: PredictedQuantity) -> str:
     """Return the first quantity in words: median, spread, measured."""
     low, high = item.spread
-    unit = f" {item.unit}" if item.unit not in ("", "1") else ""
+    unit = unit_after(item.unit)
     return (
         f"{item.name}: {_shown(item.median)}{unit} ({_shown(low)} to {_shown(high)}); measured "
         f"{_shown(item.measured)}{unit}"
@@ -124,7 +125,7 @@ def _shown(value: float) -> str:
 
 def _headed(item: PredictedQuantity) -> str:
     """Return the header of a quantity, with its unit."""
-    return item.label if item.unit in ("", "1") else f"{item.label} [{item.unit}]"
+    return titled(item.label, item.unit)
 
 
 def _distance_words(question: PredictionQuestion, complete: Prediction) -> str:
@@ -154,7 +155,7 @@ def quantities_table(complete: Prediction) -> Table:
             )
         )
     return table(
-        f"Measured and predicted, {len(complete.runs)} seeds",
+        f"Measured and predicted, {counted(len(complete.runs), 'seed')}",
         [*phrases(""), *numbers("measured", "predicted", "spread"), *phrases("", "")],
         rows,
         styles=styles,
@@ -190,7 +191,7 @@ def draw_prediction(question: PredictionQuestion, complete: Prediction, path: Pa
                 log.time,
                 curve,
                 Stroke(BLUE, 0.6, "solid", 0.3),
-                name=f"predicted, {len(predicted)} seeds",
+                name=f"predicted, {counted(len(predicted), 'seed')}",
             )
             for curve in predicted
         ]
@@ -199,7 +200,7 @@ def draw_prediction(question: PredictionQuestion, complete: Prediction, path: Pa
             Curve(log.time, nearest, Stroke(BLUE, 1.4), name="predicted, the nearest seed")
         )
         layers.append(Curve(log.time, measured, Stroke(BLACK, 1.2), name="measured"))
-        rows.append([Panel(layers, y=ChartAxis(f"{signal.name} [{signal.unit}]"))])
+        rows.append([Panel(layers, y=ChartAxis(titled(signal.name, signal.unit)))])
     (lowest,) = rows[-1]
     rows[-1] = [replace(lowest, x=ChartAxis("time [s]"))]
     size = (9.0, 2.3 * len(rows) + 0.9)

@@ -11,6 +11,7 @@ import numpy as np
 from grosmc_mj.experiments.logs.log import SHORTEST_PIECE, Log, held
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.ground.wording import counted
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
@@ -134,7 +135,11 @@ class Predictor:
             return ""
 
         gaps = len(self.log.pieces) - 1
-        cause = f"the log has {gaps} gaps or masked parts" if gaps else "the log is short"
+        cause = (
+            f"the log has {counted(gaps, 'gap or masked part', 'gaps or masked parts')}"
+            if gaps
+            else "the log is short"
+        )
         return (
             f"{cause}: predictions last {np.median(lasts):.2g} s in the median and "
             f"{max(lasts):.2g} s at most, not --horizon {horizon:g} s"

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from grosmc_mj.experiments.logs.log import Log
 from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.wording import counted, unit_after
 from grosmc_mj.identify.compare import PredictionError
 from grosmc_mj.identify.fit import Fit
 from grosmc_mj.identify.quality import Quality
@@ -75,7 +76,7 @@ def quality_table(rows: Sequence[Quality]) -> Table:
     ]
     cells = []
     for row in rows:
-        rms = f"{number(row.rms)} {row.unit}"
+        rms = f"{number(row.rms)}{unit_after(row.unit)}"
         residual = _WHITENESS[row.white]
         share = number(100 * row.fit) if row.moves else "stands still"
         steps = number(row.rms / row.step)
@@ -115,7 +116,7 @@ def identification(
     answer = Answer(
         question=f"Parameters of {path.stem} from {log}",
         verdict=MEASURED if white else OPEN,
-        words=f"{int(fit.fitted.sum())} of {len(fit.fitted)} parameters fitted; "
+        words=f"{int(fit.fitted.sum())} of {counted(len(fit.fitted), 'parameter')} fitted; "
         + _prediction_words(rows, predicted),
         notes=[
             *notes,
@@ -166,8 +167,8 @@ def _prediction_words(rows: Sequence[Quality], predicted: Sequence[PredictionErr
 
     worst = max(predicted, key=lambda row: row.rms[-1] / steps[row.state])
     step = steps[worst.state]
-    soon = f"{number(worst.rms[0])} {worst.unit} after {worst.horizons[0]:.2g} s"
-    late = f"{number(worst.rms[-1])} {worst.unit} after {worst.horizons[-1]:.2g} s"
+    soon = f"{number(worst.rms[0])}{unit_after(worst.unit)} after {worst.horizons[0]:.2g} s"
+    late = f"{number(worst.rms[-1])}{unit_after(worst.unit)} after {worst.horizons[-1]:.2g} s"
     in_steps = f"{number(worst.rms[0] / step)} and {number(worst.rms[-1] / step)}"
     return (
         f"{worst.state} of the held-out part predicted to {soon} and {late} ({in_steps} steps of "

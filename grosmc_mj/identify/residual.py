@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import SetupError
+from grosmc_mj.ground.wording import counted
 from grosmc_mj.identify.parameters import Parameters
 from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.identify.starts import first_guess, state_sizes
@@ -247,7 +248,7 @@ class _Best:
         """Its derivatives there: once a step of the search."""
         self.steps += 1
         self._progress(
-            f"fitting {int(self._residual.free.sum())} parameters: step {self.steps} of "
+            f"fitting {counted(int(self._residual.free.sum()), 'parameter')}: step {self.steps} of "
             f"{MOST_STEPS} at most, cost {self._least:.4g}"
         )
         return self._residual.jacobian(x)

@@ -15,6 +15,7 @@ from grosmc_mj.ground.compilation.records import record_dtype
 from grosmc_mj.ground.errors import ArgumentError, value_text
 from grosmc_mj.ground.fields import Check, Flag, Is, Items, Range, checked_call
 from grosmc_mj.ground.refusals import refusal
+from grosmc_mj.ground.wording import counted, titled
 from grosmc_mj.simulation.disturbances import AnyDisturbance, RateDisturbance
 from grosmc_mj.simulation.loop.applied import AppliedLoop, apply_loop
 from grosmc_mj.simulation.loop.loop import Loop
@@ -167,8 +168,9 @@ def _number_of_simulations(
     several = lengths - {1}
     if len(several) > 1 or 0 in several:
         raise ArgumentError(
-            f"{len(plants)} plants, {len(controllers)} controllers, {len(loops)} loops, "
-            f"{len(disturbances)} disturbance lists and {len(starts)} starts: each must be 1 or "
+            f"{counted(len(plants), 'plant')}, {counted(len(controllers), 'controller')}, "
+            f"{counted(len(loops), 'loop')}, {counted(len(disturbances), 'disturbance list')} and "
+            f"{counted(len(starts), 'start')}: each must be 1 or "
             "the number of simulations"
         )
     return max(lengths)
@@ -178,7 +180,7 @@ def _require_starts(x0: Any, starts: Array, system: System) -> None:
     """Refuse starts, (nsim, n), that are not n finite numbers each."""
     n = len(system.states)
     if starts.shape[1:] != (n,) or not np.all(np.isfinite(starts)):
-        names = ", ".join(f"{state.symbol} [{state.unit}]" for state in system.states)
+        names = ", ".join(titled(state.symbol, state.unit) for state in system.states)
         raise ArgumentError(
             f"x0 = {value_text(x0)} must be {n} finite numbers for {system.name}: {names}"
         )

@@ -18,6 +18,7 @@ from grosmc_mj.ground.errors import ArgumentError, one_line, unknown_name, value
 from grosmc_mj.ground.fields import Is, checked_call
 from grosmc_mj.ground.files import LARGEST_TABLE, atomic_write, require_regular
 from grosmc_mj.ground.versions import versions
+from grosmc_mj.ground.wording import counted
 from grosmc_mj.mechanics.physics.edit import HiddenState
 from grosmc_mj.theory.control.controller import Controller
 from grosmc_mj.theory.plants import SYSTEMS, Signal, System
@@ -123,7 +124,7 @@ class Trajectory:
 
     def __repr__(self) -> str:
         """System, number of instants and how it ended, without rows."""
-        runs = "" if self.state.ndim == 2 else f"{len(self.state)} runs, "
+        runs = "" if self.state.ndim == 2 else f"{counted(len(self.state), 'run')}, "
         endings = sorted({status.name.lower() for status in np.ravel(self.status)})
         return (
             f"Trajectory({self.system.name}: {runs}{len(self.time)} instants, "
@@ -140,7 +141,9 @@ class Trajectory:
             ArgumentError: For a batch.
         """
         if self.state.ndim != 2:
-            raise ArgumentError(f"a batch of {len(self)} runs: take one of them, trajectory[i]")
+            raise ArgumentError(
+                f"a batch of {counted(len(self), 'run')}: take one of them, trajectory[i]"
+            )
 
         # Unit and values of each column by its name.
         columns = {"time": ("s", self.time)}

@@ -10,6 +10,7 @@ import numpy as np
 
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.ground.arrays import as_rows
+from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.output.results.tables import number, numbers, table, words
 
 SYSTEMS = ("servo", "cart_pendulum", "arm", "two_link_arm")
@@ -111,14 +112,14 @@ def _cells(row: Rival) -> list[str]:
         settled = f"{number(row.settling)} s"
     remaining = "ended early"
     if math.isfinite(row.remaining):
-        remaining = f"{number(row.remaining)} {row.output_unit}"
+        remaining = f"{number(row.remaining)}{unit_after(row.output_unit)}"
     return [
         row.system,
         row.law,
         settled,
-        f"{number(row.deviation)} {row.output_unit}",
+        f"{number(row.deviation)}{unit_after(row.output_unit)}",
         remaining,
-        f"{number(row.peak)} {row.input_unit}",
-        f"{number(row.variation)} {row.input_unit}/s",
+        f"{number(row.peak)}{unit_after(row.input_unit)}",
+        f"{number(row.variation)}{unit_after(row.input_unit)}/s",
         "yes" if row.kept else "no",
     ]

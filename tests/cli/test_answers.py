@@ -98,7 +98,7 @@ CAMPAIGN = "campaign short.toml --runs 8 --worst --evaluations 128 --no-figures"
     ("command", "verdict"),
     [
         (LIST, f"4 systems, {len(shipped_files())} case files."),
-        (PREMISES, "1 of 8 premises of grosmc fail"),
+        (PREMISES, "1 of 8 premises of grosmc fails"),
         (RUN, "Nothing is required"),
         pytest.param(CAMPAIGN, r"lqr keeps everything on \d of 8 plants", marks=slow),
     ],

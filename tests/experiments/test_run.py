@@ -169,7 +169,7 @@ def test_a_requirement_that_is_not_kept_has_its_exit_code(folder: Path, capsys) 
     assert run("run", path, "--no-figures") == cli.DIFFERS
     printed = capsys.readouterr().out
     assert "FAILED" in printed
-    assert "1 of 1 requirements are not kept" in printed
+    assert "1 of 1 requirement is not kept" in printed
     assert read(folder / "renders" / "mine.json")["kept"] is False
 
 

@@ -276,7 +276,7 @@ def judged(tmp_path_factory: pytest.TempPathFactory) -> Judged:
 def test_a_run_answers_which_requirement_is_nearest(judged: Judged) -> None:
     (answer,) = judged.result().answers
     assert answer.verdict == "not kept"
-    assert answer.words == "1 of 2 requirements are not kept"
+    assert answer.words == "1 of 2 requirements is not kept"
     assert answer.more == "tightest: stays within 0.1 rad: 0.5 rad by lqr on corrected"
 
 

@@ -112,7 +112,7 @@ TWO = np.zeros((2, 2))
         ({"controller": lambda *_: 0.0}, "make one of a law with custom_controller"),
         ({"disturbances": [LOAD, [LOAD]]}, "must be a list of Disturbances"),
         # A batch.
-        ({"controller": 3 * [LQR], "x0": TWO}, "1 plants, 3 controllers, 1 .* and 2 starts: each"),
+        ({"controller": 3 * [LQR], "x0": TWO}, "1 plant, 3 controllers, 1 .* and 2 starts: each"),
         ({"plant": []}, "0 plants"),
         ({"plant": [SERVO, ARM]}, "of one system and of one kind"),
         ({"plant": [SERVO, MujocoPlant.load("servo", timestep=2e-3)]}, "must have one timestep"),

@@ -15,6 +15,7 @@ from pydantic.dataclasses import dataclass as checked_dataclass
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.ground.errors import GrosmcError, value_text
+from grosmc_mj.ground.wording import unit_after
 
 _CHECKED = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
 # Limits that stand for words of the statements, with the reason; a word has one limit everywhere.
@@ -99,7 +100,7 @@ class Choice:
             text = f"[{numbers}]"
         else:
             text = value_text(value, str)
-        return f"{self.name} = {text} {self.unit}".rstrip()
+        return f"{self.name} = {text}{unit_after(self.unit)}"
 
 
 @checked_dataclass(frozen=True, config=_CHECKED)

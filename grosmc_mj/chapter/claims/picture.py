@@ -8,6 +8,7 @@ from pathlib import Path
 from grosmc_mj.chapter.claims.claim import ClaimFinding, ClaimValue
 from grosmc_mj.chapter.figures import case_panel, claim_runs, over_time
 from grosmc_mj.experiments.run_cache import RunCache
+from grosmc_mj.ground.wording import titled
 from grosmc_mj.output.charts.chart import Chart, ChartAxis, Layer, LevelLine, Marks, Panel
 from grosmc_mj.output.charts.figure import write_chart
 from grosmc_mj.output.palette import FAILED, INK, KEPT, VERDICT_COLOURS, Stroke
@@ -65,10 +66,8 @@ def _values_panel(finding: ClaimFinding) -> Panel:
 
     shown = [claim.threshold, *_values(finding)]
     far = min(shown) > 0 and max(shown) > _WIDE * min(shown)
-    unit = ""
-    if claim.unit != "1":
-        unit = f" [{claim.unit}]"
-    title = f"found{unit}; filled at T, hollow at T/2; dashed: {claim.sense} {claim.threshold:g}"
+    found = titled("found", claim.unit)
+    title = f"{found}; filled at T, hollow at T/2; dashed: {claim.sense} {claim.threshold:g}"
     names = {float(place): name for place, name in enumerate(rows)}
     return Panel(
         layers,

@@ -10,6 +10,7 @@ from typing import Any
 from grosmc_mj.chapter.claims.claim import ClaimFinding, Kind, verdicts_of
 from grosmc_mj.chapter.claims.story import claim_tables, claims_tables, turning_table
 from grosmc_mj.experiments.settings import Settings
+from grosmc_mj.ground.wording import counted_of
 from grosmc_mj.output.results.document import plain
 from grosmc_mj.output.results.result import (
     KEPT,
@@ -64,7 +65,10 @@ def claims_result(
     unexpected = sum(bool(finding.unexpected) for finding in findings)
     if unexpected:
         verdict = NOT_KEPT
-        sentence = f"{unexpected} of {len(findings)} verdicts differ from the expected ones"
+        sentence = (
+            f"{counted_of(unexpected, len(findings), 'verdict', 'differs', 'differ')} "
+            f"from the expected ones"
+        )
 
     answer = Answer(
         question="Claims",
@@ -146,7 +150,8 @@ def sweeps_result(rows: Sequence[Mapping[str, Any]], settings: Settings) -> Resu
     answer = Answer(
         question="Choices that are not printed",
         verdict=MEASURED,
-        words=f"{len(turning)} of {len(claims)} answers turn on a choice that is not printed",
+        words=f"{counted_of(len(turning), len(claims), 'answer', 'turns', 'turn')} "
+        f"on a choice that is not printed",
     )
 
     values = []

@@ -19,6 +19,7 @@ from grosmc_mj.chapter.claims.claim import (
 from grosmc_mj.chapter.claims.formulas import in_text
 from grosmc_mj.chapter.claims.sweep import stored_flips
 from grosmc_mj.experiments.plants import PlantName
+from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.output.results.tables import Column, Table, numbers, table, text, verdicts, words
 
 LEGEND = (
@@ -44,9 +45,9 @@ def criterion_text(claim: Claim) -> str:
     """Return the criterion in few characters."""
     relation = "≤" if claim.sense == "at most" else "≥"
     limit = f"{relation} {claim.threshold:g}"
-    if claim.unit in ("1", "unit of s/s"):
+    if claim.unit == "unit of s/s":
         return limit
-    return f"{limit} {claim.unit}"
+    return f"{limit}{unit_after(claim.unit)}"
 
 
 def has_story(finding: ClaimFinding) -> bool:
@@ -177,9 +178,7 @@ def claim_tables(finding: ClaimFinding) -> list[Table]:
 
 def _evidence(plant: PlantName, on_plant: PlantFinding, unit: str) -> list[str]:
     """The row of one plant."""
-    suffix = ""
-    if unit != "1":
-        suffix = f" {unit}"
+    suffix = unit_after(unit)
     refined = "exact"
     if on_plant.refined is not None:
         refined = number_of(on_plant.refined) + suffix

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Target, command
 from grosmc_mj.cli.exit_codes import DONE
+from grosmc_mj.ground.wording import counted, titled, unit_after
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -80,7 +81,7 @@ def _say_everything(console: Console) -> None:
         else:
             bases[folder] = base
 
-    console.print(f"{len(bases)} systems, {len(files)} case files.")
+    console.print(f"{counted(len(bases), 'system')}, {counted(len(files), 'case file')}.")
     for system, base in bases.items():
         cases = [name.split("/")[1] for name in sorted(folders[system], key=case_order)]
         console.print(system, style="bold")
@@ -137,7 +138,7 @@ def _say_target(console: Console, target: str) -> None:
 
 def _with_units(signals: Sequence[Signal]) -> str:
     """Return the names of signals with their units."""
-    return ", ".join(f"{signal.name} [{signal.unit}]" for signal in signals)
+    return ", ".join(titled(signal.name, signal.unit) for signal in signals)
 
 
 def _say_model(console: Console, plant: Plant, x0: Sequence[float]) -> None:
@@ -150,7 +151,7 @@ def _say_model(console: Console, plant: Plant, x0: Sequence[float]) -> None:
     texts = {}
     for name, position in zip(system.joints, system.positions, strict=True):
         way = "along" if position.unit == "m" else "about"
-        texts[name] = f"{name} [{position.unit}] {way} {_axis_in_words(axes[name])}"
+        texts[name] = f"{titled(name, position.unit)} {way} {_axis_in_words(axes[name])}"
     joints = [texts.get(name, name) for name in joint_names(plant.model)]
 
     bodies = ", ".join(body_names(plant.model))
@@ -177,7 +178,7 @@ def _nominal_numbers(plant: Plant) -> dict[str, str]:
     for owner, name, values, unit in _numbers(plant):
         if any(values):
             written = ", ".join(f"{value:.5g}" for value in values)
-            texts.setdefault(owner, []).append(f"{name} {written} {unit}".rstrip())
+            texts.setdefault(owner, []).append(f"{name} {written}{unit_after(unit)}")
     return {owner: "; ".join(numbers) for owner, numbers in texts.items()}
 
 

@@ -13,6 +13,7 @@ from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import OUTPUT, Command, command
 from grosmc_mj.cli.exit_codes import DONE
 from grosmc_mj.ground.errors import ArgumentError, together
+from grosmc_mj.ground.wording import counted
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -83,7 +84,7 @@ def report_on(
         raise ArgumentError(together(mistakes))
 
     written = write_page(reading, paths, path)
-    console.print(f"{len(reading.documents)} documents in {written.size / 1e6:.1f} MB")
+    console.print(f"{counted(len(reading.documents), 'document')} in {written.size / 1e6:.1f} MB")
     omitted = [f"left out: {line}" for line in written.notices]
     screen.say_lines(console, omitted, "dim", full=full)
     screen.say_files(console, path)

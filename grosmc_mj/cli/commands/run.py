@@ -25,6 +25,7 @@ from grosmc_mj.cli.films import FOLDER, film_runs
 from grosmc_mj.cli.targets import result_name
 from grosmc_mj.ground.errors import ArgumentError, GrosmcError
 from grosmc_mj.ground.files import name_in_files
+from grosmc_mj.ground.wording import counted
 
 if TYPE_CHECKING:
     from grosmc_mj.experiments.assumptions.audit import Audit
@@ -207,7 +208,8 @@ class _RunQuestion(Question):
                 law = name_in_files(result.controller.name)
                 plant = name_in_files(result.plant)
                 result.save(folder / f"{self._name}.{plant}.{law}.{self._command.save}")
-            console.print(f"{len(self._results)} trajectories in {folder}", soft_wrap=True)
+            trajectories = counted(len(self._results), "trajectory", "trajectories")
+            console.print(f"{trajectories} in {folder}", soft_wrap=True)
         if self._command.film:
             film_runs(console, self._results, self._command.out / FOLDER / f"{self._name}.mp4")
 

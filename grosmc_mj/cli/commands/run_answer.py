@@ -15,6 +15,7 @@ from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, unit_of
 from grosmc_mj.experiments.measured import MeasuredResult, disagreements
 from grosmc_mj.experiments.requirements.judging import Judgement
 from grosmc_mj.experiments.requirements.requirement import Requirement
+from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.output.results.result import Result
 from grosmc_mj.studies.ladder.assumed import assumed_numbers, in_words
 from grosmc_mj.theory.plants.system import Signal
@@ -104,7 +105,9 @@ def _log_lines(results: Sequence[MeasuredResult]) -> list[str]:
         )
         for state, value, declared in pairs:
             if math.isfinite(value):
-                starts.append(f"{state.name} {value:.4g} (case {declared:.4g}) {state.unit}")
+                starts.append(
+                    f"{state.name} {value:.4g} (case {declared:.4g}){unit_after(state.unit)}"
+                )
         lines.append(
             f"{result.plant}: {result.log.name} from {result.begin:.4g} to {end:.4g} s; starts at "
             f"{', '.join(starts)}"
@@ -146,7 +149,7 @@ def _machine_lines(experiment: Experiment) -> list[str]:
         numbers = []
         for name in table.numbers:
             unit = unit_of(kind, part.of, name, experiment.nominal.system)
-            text = f"{name} {getattr(part, name):.4g} {unit}".rstrip()
+            text = f"{name} {getattr(part, name):.4g}{unit_after(unit)}"
             if name in table.assumed:
                 text += "*"
             numbers.append(text)
@@ -167,4 +170,6 @@ def _rest_lines(experiment: Experiment) -> list[str]:
 def _values(signals: Iterable[Signal], values: Iterable[float]) -> str:
     """Return signals with their values and units."""
     pairs = zip(signals, values, strict=True)
-    return ", ".join(f"{signal.name} = {value:.4g} {signal.unit}" for signal, value in pairs)
+    return ", ".join(
+        f"{signal.name} = {value:.4g}{unit_after(signal.unit)}" for signal, value in pairs
+    )

@@ -17,6 +17,7 @@ from grosmc_mj.cli.commands.claims import judge_in_processes
 from grosmc_mj.cli.commands.report import REPORT, report_on
 from grosmc_mj.cli.films import film_results
 from grosmc_mj.cli.targets import recorded_experiments
+from grosmc_mj.ground.wording import counted
 
 if TYPE_CHECKING:
     from grosmc_mj.chapter.claims.claim import Claim
@@ -160,7 +161,7 @@ class _ValidateQuestion(Question):
         figures = self._write_figures() if self._command.figures else 0
         seconds = time.perf_counter() - self._start
         console = screen.console()
-        console.print(f"{figures} figures; {seconds:.1f} s", style="dim")
+        console.print(f"{counted(figures, 'figure')}; {seconds:.1f} s", style="dim")
 
         out = self._command.out
         if self._command.films:

@@ -20,6 +20,7 @@ from grosmc_mj.experiments.requirements.judging import Judgement
 from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.ground.wording import titled
 from grosmc_mj.output.charts.chart import (
     Chart,
     ChartAxis,
@@ -192,7 +193,7 @@ def _deviation_panels(results: Sequence[RunResult]) -> list[ShownQuantity]:
     single = len(first.comparison.outputs) == 1
     distance = "distance from y*" if single else "|y − y*|"
     panel = ShownQuantity(
-        label=f"{distance} [{unit}]",
+        label=titled(distance, unit),
         curves=[RunSignal(run, run.comparison.deviation) for run in weighed],
         shows=("deviation",),
         signed=single,
@@ -218,7 +219,7 @@ def _state_panel(results: Sequence[RunResult], row: int) -> ShownQuantity:
     """Return the panel of a state, by its row."""
     state = results[0].trajectory.system.states[row]
     curves = [RunSignal(run, run.trajectory.state[:, row]) for run in results]
-    return ShownQuantity(f"{state.name} [{state.unit}]", curves, shows=(state.name,))
+    return ShownQuantity(titled(state.name, state.unit), curves, shows=(state.name,))
 
 
 def _tracked_state_panel(results: Sequence[RunResult], row: int) -> ShownQuantity:
@@ -240,7 +241,7 @@ def _measurement_error_panel(results: Sequence[RunResult]) -> ShownQuantity:
     j = system.controlled[0]
     state = system.states[j]
     return ShownQuantity(
-        label=f"{state.name},\nseen − true [{state.unit}]",
+        label=titled(f"{state.name},\nseen − true", state.unit),
         curves=[RunSignal(run, _measurement_error(run)[:, j]) for run in results],
     )
 
@@ -275,7 +276,7 @@ def _rate_panels(run: RunResult) -> list[ShownQuantity]:
     for unit, i in worst_rates.items():
         true = run.trajectory.state[: len(seen), i]
         curves = [RunSignal(run, true, "true"), RunSignal(run, seen[:, i], "seen")]
-        panels.append(ShownQuantity(f"{states[i].name} [{unit}]", curves))
+        panels.append(ShownQuantity(titled(states[i].name, unit), curves))
     return panels
 
 
@@ -294,7 +295,7 @@ def _sliding_panels(
         name += ", as the law\nsees it"
     return [
         ShownQuantity(
-            label=f"{name} [{units[0]}]",
+            label=titled(name, units[0]),
             curves=[RunSignal(run, _sliding(run)) for run in drawn],
             shows=("sliding",),
             signed=single,
@@ -319,7 +320,7 @@ def _input_panel(results: Sequence[RunResult]) -> ShownQuantity:
     if trajectory.seen is not None:
         name += " given"
     return ShownQuantity(
-        label=f"{name} [{system.input.unit}]",
+        label=titled(name, system.input.unit),
         curves=[RunSignal(run, _largest(run.trajectory.input)) for run in results],
         shows=("input",),
         signed=single,
@@ -362,7 +363,9 @@ def _hidden_panel(
     """Return the panel of a hidden state, in a unit with a prefix that suits its size."""
     unit, scale = prefixed(signal.unit, size)
     curves = [RunSignal(run, scale * values) for run, values in zip(results, rows, strict=True)]
-    return ShownQuantity(f"{signal.name},\nnot seen [{unit}]", curves, play=scale * signal.play)
+    return ShownQuantity(
+        titled(f"{signal.name},\nnot seen", unit), curves, play=scale * signal.play
+    )
 
 
 def levels_of(limit: Requirement, panel: ShownQuantity) -> Iterator[tuple[Array, Array]]:

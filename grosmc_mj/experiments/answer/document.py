@@ -18,6 +18,7 @@ from grosmc_mj.experiments.measured import MeasuredResult
 from grosmc_mj.experiments.requirements.judging import Judgement
 from grosmc_mj.experiments.requirements.metrics import tolerance_of
 from grosmc_mj.experiments.weights import named_gains, named_weights
+from grosmc_mj.ground.wording import counted, counted_of, unit_after
 from grosmc_mj.output.results.result import (
     KEPT,
     NOT_KEPT,
@@ -135,13 +136,13 @@ def _answer(
     verdict = KEPT if complete else OPEN
     if failed:
         verdict = NOT_KEPT
-        words = f"{failed} of {count} requirements are not kept"
+        words = f"{counted_of(failed, count, 'requirement', 'is', 'are')} not kept"
     elif count == 1:
         words = "The requirement is kept"
     elif judgements:
         words = f"All {count} requirements are kept"
     else:
-        words = f"Nothing is required; {ended} of {len(results)} runs ended early"
+        words = f"Nothing is required; {ended} of {counted(len(results), 'run')} ended early"
         if ended:
             verdict = NOT_KEPT
     if not complete:
@@ -216,9 +217,7 @@ def _measured(item: Judgement) -> str:
         noun = "margin "
         value = item.margin
     value, unit = requirement.in_file_unit(value)
-    if unit == "1":
-        unit = ""
-    return f"{requirement.words}: {noun}{number(value)} {unit}".rstrip()
+    return f"{requirement.words}: {noun}{number(value)}{unit_after(unit)}"
 
 
 def _judgement_document(item: Judgement) -> dict[str, Any]:

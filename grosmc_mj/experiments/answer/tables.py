@@ -9,6 +9,7 @@ from grosmc_mj.experiments.requirements.judging import Judgement
 from grosmc_mj.experiments.requirements.metrics import Metric, largest_of
 from grosmc_mj.experiments.requirements.run_metrics import OF_WEIGHTS
 from grosmc_mj.experiments.weights import gains_in_words, weights_in_words
+from grosmc_mj.ground.wording import counted, titled, unit_after
 from grosmc_mj.output.results.tables import (
     Table,
     details,
@@ -20,10 +21,11 @@ from grosmc_mj.output.results.tables import (
     words,
 )
 from grosmc_mj.simulation.trajectory import Status
+from grosmc_mj.theory.plants.system import Signal
 
 # Header and metric of each column of numbers; then those that a brief answer leaves out.
 _COLUMNS = (
-    ("max|x1\n-x1*|", "deviation"),
+    ("max|y\n-y*|", "deviation"),
     ("settled\n[s]", "settling_time"),
     ("J of u_c\n/J*", "continuous"),
     ("J of u_d\n/J* [1/s]", "switching"),
@@ -31,7 +33,7 @@ _COLUMNS = (
 )
 _DETAILS = (
     ("over-\nshoot %", "overshoot"),
-    ("RMS\nx1", "rms_error"),
+    ("RMS\nerror", "rms_error"),
     ("max\n|s|", "max_sliding"),
     ("RMS\ns", "rms_sliding"),
     ("\nJ*", "cost_optimal"),
@@ -39,6 +41,10 @@ _DETAILS = (
 )
 # Metrics beside the optimum of a law's weights.
 _OF_WEIGHTS = (*OF_WEIGHTS, "continuous", "switching")
+
+
+# Signals that a title names.
+_FEW = 3
 
 
 def metric_cell(metric: Metric | None, factor: float = 1.0) -> str:
@@ -56,13 +62,12 @@ def results_table(results: Sequence[RunResult]) -> Table:
     """Return the table of the runs of one system."""
     system = results[0].trajectory.system
     error = results[0].controller.designed.error
-    output_unit = error.units[error.output_rows[0]]
     # Without weights there is no optimum that a column could be about.
     weighed = any(result.controller.designed.weighed for result in results)
     main = [column for column in _COLUMNS if weighed or column[1] not in _OF_WEIGHTS]
     further = [column for column in _DETAILS if weighed or column[1] not in _OF_WEIGHTS]
     for position in system.internal_positions:
-        header = f"max |{position.name}|\n[{position.unit}]"
+        header = titled(f"max |{position.name}|", position.unit).replace(" [", "\n[")
         further.append((header, largest_of(position.name)))
 
     rows = []
@@ -86,8 +91,16 @@ def results_table(results: Sequence[RunResult]) -> Table:
         *numbers(*(header for header, _ in main)),
         *details(numbers(*(header for header, _ in further))),
     ]
-    title = f"{system.title}: x1 in {output_unit}, u in {system.input.unit}"
+    outputs = [Signal(error.names[row], "y", error.units[row]) for row in error.output_rows]
+    title = f"{system.title}: y = {_signals(outputs)}; u = {_signals(system.inputs)}"
     return table(title, columns, rows, styles=styles)
+
+
+def _signals(signals: Sequence[Signal]) -> str:
+    """Return names and units of a few signals; of many, how many they are and their unit."""
+    if len(signals) > _FEW:
+        return titled(counted(len(signals), "signal"), signals[0].unit)
+    return ", ".join(titled(signal.name, signal.unit) for signal in signals)
 
 
 def _order(result: RunResult) -> bool:
@@ -96,7 +109,7 @@ def _order(result: RunResult) -> bool:
 
 
 LEGEND = (
-    "x1*: nominal optimum of each law. settled: for good within 2 % of the initial error (never: "
+    "y*: nominal optimum of each law. settled: for good within 2 % of the initial error (never: "
     "not within the run); it and the overshoot count up to the onset of a later disturbance. J: "
     "index of each law over the run (of u for lqr on the servo and the pendulum, of v after "
     "linearization) with the continuous part of the input alone; J* its least value; what the "
@@ -115,9 +128,8 @@ def requirements_table(judgements: Sequence[Judgement]) -> Table:
         verdict = "kept" if item.kept else "FAILED"
         if item.note:
             verdict += f": {item.note}"
-        unit = "" if requirement.unit == "1" else requirement.unit
-        measured = _quantity(item.measured, unit)
-        margin = _quantity(item.margin, unit)
+        measured = _quantity(item.measured, requirement.unit)
+        margin = _quantity(item.margin, requirement.unit)
         rows.append((verdict, requirement.words, item.controller, item.plant, measured, margin))
         styles.append("" if item.kept else "red")
     return table("Requirements", columns, rows, styles=styles)
@@ -125,7 +137,7 @@ def requirements_table(judgements: Sequence[Judgement]) -> Table:
 
 def _quantity(value: float | None, unit: str) -> str:
     """Return a value with its unit, or a dash."""
-    return number(value) if value is None else f"{number(value)} {unit}".rstrip()
+    return number(value) if value is None else f"{number(value)}{unit_after(unit)}"
 
 
 def endings(results: Sequence[RunResult]) -> list[str]:

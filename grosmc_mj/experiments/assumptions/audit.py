@@ -16,6 +16,7 @@ from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.ground.units import rate_unit
+from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.simulation.trajectory import Status
 from grosmc_mj.theory.control.controller import Controller, Design
 from grosmc_mj.theory.control.coordinates.symbolic import ErrorCoordinates
@@ -260,7 +261,7 @@ def _undefined_region(law: Controller, true: AnalyticPlant, bound: Sequence[floa
     sizes = ", ".join(f"|z{i}| <= {size:g}" for i, size in enumerate(bound, 1))
     return (
         f"{law.name}: the laws are defined nowhere in the operating region {sizes}: they need "
-        f"{system.region} and positions within {system.position_bound:g} {unit}; choose "
+        f"{system.region} and positions within {system.position_bound:g}{unit_after(unit)}; choose "
         "another reference or operating region"
     )
 

@@ -13,6 +13,7 @@ from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.plants import design_variant
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.units import rate_unit
+from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.mechanics.physics.hooks import warnings_counted_only
 from grosmc_mj.theory.control.coordinates.state import StateCoordinates
 from grosmc_mj.theory.control.coordinates.symbolic import ErrorCoordinates
@@ -148,6 +149,6 @@ def _lines(findings: Iterable[Finding]) -> list[str]:
         largest = max(group, key=lambda finding: finding.value)
         lines.append(
             f"{subject} is unmatched{of_laws}: no switching term rejects it (up to "
-            f"{largest.value:.3g} {largest.unit} in z' where no input acts)"
+            f"{largest.value:.3g}{unit_after(largest.unit)} in z' where no input acts)"
         )
     return lines

@@ -12,6 +12,7 @@ from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.requirements.judging import unfailing
 from grosmc_mj.experiments.weights import weights_in_words
 from grosmc_mj.ground.errors import name_list
+from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.mechanics.physics.dry_friction import creeping_joints
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import OutputDisturbance
@@ -97,8 +98,8 @@ def _creeping_friction(plant: Plant) -> Iterator[str]:
     unit = units.get(joint, "")
     yield (
         f"the model's own dry friction of {name_list(creeping)} does not hold: under half of it "
-        f"{joint} creeps by {distance:.2g} {unit} in 10 s; set it by an [[edit]] with friction, "
-        "which holds"
+        f"{joint} creeps by {distance:.2g}{unit_after(unit)} in 10 s; set it by an [[edit]] with "
+        "friction, which holds"
     )
 
 

@@ -29,6 +29,7 @@ from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.ground.units import rate_unit
+from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.mechanics.physics.hooks import warnings_counted_only
 from grosmc_mj.mechanics.robots.coordinates import RobotCoordinates
 from grosmc_mj.mechanics.robots.nominal import bias, inertia
@@ -128,7 +129,7 @@ def _rate(result: RunResult, plant: Any, points: Balance) -> Premise:
 
     remedy = "no ρ, while r is not positive: see the input gain"
     if np.isfinite(worst.required):
-        remedy = f"ρ = {worst.required:.3g} {unit} instead of the configured one"
+        remedy = f"ρ = {worst.required:.3g}{unit_after(unit)} instead of the configured one"
 
     machine = ""
     if plant.rigid is not plant:
@@ -136,11 +137,11 @@ def _rate(result: RunResult, plant: Any, points: Balance) -> Premise:
     return replace(
         switching_premise(design, points),
         remedy=remedy,
-        note=f"required at most {worst.required:.3g}, configured {worst.configured:.3g} {unit} "
-        f"(at t = {worst.t:.3g} s: push {worst.push:.3g} at {joint}, r = {worst.gain_ratio:.3g})"
-        f"; in the push are the edits, the wrenches, and friction, joint limits and "
-        f"contacts as MuJoCo has them under the applied torque; not in it: that the law is "
-        f"sampled{machine}, and torque that was cut off",
+        note=f"required at most {worst.required:.3g}, configured {worst.configured:.3g}"
+        f"{unit_after(unit)} (at t = {worst.t:.3g} s: push {worst.push:.3g} at {joint}, "
+        f"r = {worst.gain_ratio:.3g}); in the push are the edits, the wrenches, and "
+        f"friction, joint limits and contacts as MuJoCo has them under the applied torque; not in "
+        f"it: that the law is sampled{machine}, and torque that was cut off",
     )
 
 

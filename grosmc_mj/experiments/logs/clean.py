@@ -13,6 +13,7 @@ from grosmc_mj.experiments.logs.log import GAP, SHORTEST_PIECE
 from grosmc_mj.experiments.logs.table import LogTable, Window
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.theory.plants import Signal
 
 # Of an input: the largest share of samples at its largest or smallest value before it saturates.
@@ -150,6 +151,6 @@ def require_excited(inputs: Sequence[Signal], u: Array) -> None:
             share = share_at_largest
         if share > _SATURATED and len(np.unique(values)) > len(values) // 10:
             raise ArgumentError(
-                f"{signal.name} is at its end of {end:g} {signal.unit} for "
+                f"{signal.name} is at its end of {end:g}{unit_after(signal.unit)} for "
                 f"{100 * share:.0f} % of the log: it saturates; log a run with smaller inputs"
             )

@@ -10,6 +10,7 @@ import mujoco
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, ModelError
 from grosmc_mj.ground.fields import Name, checked
+from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.mechanics.machine.part import (
     MachinePart,
     Oscillation,
@@ -117,9 +118,9 @@ class LuGre(MachinePart):
 
         longest = _STABLE_LAG * force / (self.stiffness * speed)
         softest = self.stiffness * longest / timestep
-        unit = system.states[rate].unit
+        unit = unit_after(system.states[rate].unit)
         raise ArgumentError(
-            f"{system.name}: lugre of {self.joint!r}: at {speed:.3g} {unit}, where its friction is "
+            f"{system.name}: lugre of {self.joint!r}: at {speed:.3g}{unit}, where its friction is "
             f"{force:.3g}, RK4 with a timestep of {timestep:g} s makes the bristles unstable: take "
             f"a timestep of at most {longest:.2g} s, a stiffness of at most {softest:.2g}, or "
             "integrator Euler"

@@ -10,6 +10,7 @@ import numpy as np
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, ModelError
 from grosmc_mj.ground.fields import Name, Point, Range, Vector, checked
+from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.mechanics.machine.bounces import solref, spring_and_damper
 from grosmc_mj.mechanics.machine.part import MachinePart, Oscillation, positive, signed
 from grosmc_mj.mechanics.physics.dry_friction import STIFFEST
@@ -74,10 +75,10 @@ class Stop(MachinePart):
         index = system.joints.index(self.joint)
         start = x0[index]
         if not self.low <= start <= self.high:
-            unit = system.states[index].unit
+            unit = unit_after(system.states[index].unit)
             raise ArgumentError(
-                f"{system.name}: {self.joint} starts at {start:.6g} {unit}, beyond its stops "
-                f"at {self.low:.6g} and {self.high:.6g} {unit}: move the start or the stops"
+                f"{system.name}: {self.joint} starts at {start:.6g}{unit}, beyond its stops "
+                f"at {self.low:.6g} and {self.high:.6g}{unit}: move the start or the stops"
             )
 
 

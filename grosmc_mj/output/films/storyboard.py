@@ -19,6 +19,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.wording import titled
 from grosmc_mj.output.charts.envelope import jumps
 from grosmc_mj.output.charts.figure import DEFAULTS
 from grosmc_mj.output.films.film import Film, Take
@@ -372,7 +373,7 @@ def _plot(
         for column, strength in zip(rows.T, _TINTS.values(), strict=False):
             colour = tuple(1 - strength * (1 - part) for part in to_rgb(take.colour))
             curves.append(PlotCurve(take.run.time[: len(column)], column, {"color": colour}))
-    return Plot(f"{title} [{unit}]", curves)
+    return Plot(titled(title, unit), curves)
 
 
 def _draw(axes: Axes, plot: Plot, film: Film) -> list[Any]:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
+from grosmc_mj.ground.wording import quantity_and_unit, unit_after
 from grosmc_mj.output.page.reading import CurvePanel, Curves, Document
 from grosmc_mj.output.palette import label_of
 from grosmc_mj.output.results.result import VERDICTS, Answer, Result, Standing
@@ -218,10 +219,10 @@ def _sentence(panel: CurvePanel, verdicts_of: Mapping[str, Standing]) -> str:
     words = f"{_laws_words(kept)} keeps everything; " if kept else ""
     least = min(sizes, key=sizes.__getitem__)
     most = max(sizes, key=sizes.__getitem__)
-    name, _, unit = panel.label.rstrip("]").rpartition(" [")
-    words += f"largest {name}: {number(sizes[least])} {unit} under {label_of(least)}"
+    name, unit = quantity_and_unit(panel.label)
+    words += f"largest {name}: {number(sizes[least])}{unit_after(unit)} under {label_of(least)}"
     if most != least:
-        words += f", {number(sizes[most])} {unit} under {label_of(most)}"
+        words += f", {number(sizes[most])}{unit_after(unit)} under {label_of(most)}"
     return f"{words[0].upper()}{words[1:]}."
 
 

@@ -25,6 +25,7 @@ from grosmc_mj.experiments.requirements.measurement import Measurement
 from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import MISTAKE_SEPARATOR, ArgumentError, GrosmcError, Mistakes
+from grosmc_mj.ground.wording import counted, plural
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import AnyDisturbance
 from grosmc_mj.simulation.loop.loop import RANDOM
@@ -341,7 +342,8 @@ def _refuse_missing_corners(specification: Specification, family: Family) -> Non
     corners = family.corner_count
     if specification.sampler == "corners" and specification.runs > corners:
         raise ArgumentError(
-            f"corners: {specification.runs} runs, but there are {corners} corners: each "
+            f"corners: {counted(specification.runs, 'run')}, but there "
+            f"{plural(corners, 'is', 'are')} {counted(corners, 'corner')}: each "
             "number needs two ends, and none may be correlated"
         )
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import SetupError
 from grosmc_mj.ground.executors import make_executor
+from grosmc_mj.ground.wording import counted
 from grosmc_mj.output.results.result import KEPT, NOT_KEPT, OPEN, Answer, ReportTable, Result
 from grosmc_mj.output.results.tables import Table
 from grosmc_mj.studies.campaign.campaign import Campaign
@@ -308,9 +309,10 @@ def _answers(campaign: Campaign, findings: Findings, at_least: float | None) -> 
         if at_least is not None and law in campaign.judged:
             bound = rate_shown(rate.kept, rate.runs, rate.confidence)
             good = keeps_enough(rate, at_least)
+            plants = counted(rate.runs, "plant")
             words = (
                 f"{law}: at least {100 * bound:.4g} % of the declared design keep everything "
-                f"({rate.kept} of {rate.runs} plants, one-sided confidence {rate.confidence:g}); "
+                f"({rate.kept} of {plants}, one-sided confidence {rate.confidence:g}); "
                 f"{100 * at_least:g} % are asked for."
             )
         verdict = KEPT
@@ -357,7 +359,8 @@ def _rate_words(law: str, rate: PassRate, findings: Findings) -> str:
     keeps = "keeps everything"
     if (ALL, law) not in findings.rates:
         keeps = "completes, and nothing more is required of it,"
-    return f"{law} {keeps} on {rate.kept} of {rate.runs} plants of the declared design: {interval}."
+    plants = counted(rate.runs, "plant")
+    return f"{law} {keeps} on {rate.kept} of {plants} of the declared design: {interval}."
 
 
 def _remarks(campaign: Campaign, findings: Findings) -> Iterator[str]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.wording import counted
 from grosmc_mj.output.charts.chart import Chart, ChartAxis, Layer, Marks, Panel, Symbol
 from grosmc_mj.output.charts.figure import write_chart
 from grosmc_mj.output.charts.of_results import panels_chart
@@ -87,7 +88,7 @@ def write_figures(
 
     if reached:
         plants = max(search.plants for search in reached)
-        words = f"{title}: scale of the uncertainty ({plants} plants at each)"
+        words = f"{title}: scale of the uncertainty ({counted(plants, 'plant')} at each)"
         charts = [chart(search) for search in reached]
         files.append(write_chart(panels_chart(words, [charts]), folder.path / "radius.png"))
     return files

@@ -10,7 +10,6 @@ import numpy as np
 from scipy import stats
 
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.output.palette import label_of
 from grosmc_mj.output.results.tables import Table, names, numbers, table, text
 from grosmc_mj.studies.sweep.sampled import SampledRuns, between, p_value_words
 
@@ -147,7 +146,7 @@ def paired_table(
     rows = [
         (
             requirement,
-            f"{label_of(first)},\n{label_of(second)}",
+            f"{first},\n{second}",
             *_cells(difference, units[requirement]),
         )
         for (requirement, first, second), difference in differences.items()

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.wording import counted
 from grosmc_mj.output.palette import label_of
 from grosmc_mj.output.results.result import (
     MEASURED,
@@ -275,8 +276,8 @@ def radius_table(campaign: Campaign, searches: Sequence[Radius]) -> Table:
             *text("the failing plant just outside"),
         ],
         [_table_row(campaign, search) for search in searches],
-        legend=f"{searches[0].plants} plants at each scale, up to {largest:.3g}, and a compass "
-        "search for failing ones from the worst at the largest scale without a failure. "
+        legend=f"{counted(searches[0].plants, 'plant')} at each scale, up to {largest:.3g}, and a "
+        "compass search for failing ones from the worst at the largest scale without a failure. "
         f"{NO_PROOF}",
     )
 
@@ -288,7 +289,7 @@ def _table_row(campaign: Campaign, search: Radius) -> tuple[str, ...]:
     if search.outside is not None:
         fails_at = f"{search.outside.scale:.3g}"
         failing_plant = campaign.words(search.outside.worst)
-    return (label_of(search.controller), f"{search.found:.3g}", fails_at, failing_plant)
+    return (search.controller, f"{search.found:.3g}", fails_at, failing_plant)
 
 
 def radius_result(campaign: Campaign, searches: Sequence[Radius]) -> Result:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.wording import plural
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.studies.campaign.batch import Batch
 from grosmc_mj.studies.campaign.campaign import Campaign
@@ -328,8 +329,9 @@ def screening_sentences(summaries: Mapping[str, ScreeningSummary]) -> str:
     runs = sum(summary.runs for summary in summaries.values())
     difference = max(summary.difference for summary in summaries.values())
     sentences = [
-        f"{by_equations:,} of {runs:,} runs judged by the equations, {runs - by_equations:,} in "
-        f"MuJoCo (band {band:.2g} of a limit; margins confirmed differ by {difference:.2g})."
+        f"{by_equations:,} of {runs:,} {plural(runs, 'run')} judged by the equations, "
+        f"{runs - by_equations:,} in MuJoCo (band {band:.2g} of a limit; margins "
+        f"confirmed differ by {difference:.2g})."
     ]
     for law, summary in summaries.items():
         if summary.drawn:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.output.palette import label_of
+from grosmc_mj.ground.wording import counted
 from grosmc_mj.output.results.result import (
     MEASURED,
     NOT_KEPT,
@@ -237,12 +237,11 @@ def worst_table(campaign: Campaign, searches: Sequence[WorstPlant]) -> Table:
         [_table_row(campaign, plant) for plant in searches],
         legend="Samples: the worst run of the campaign; what its loop draws at random, all other "
         "plants have, too. Search: compass search from the worst of samples, corners of the "
-        f"ranges and random plants, along one number at a time, up to {runs} runs; random: {runs} "
-        "random plants. All three were judged in MuJoCo; of equally bad ones the first is named. "
-        "Of plants that never settle the one with the largest error left is the worst, of runs "
-        "that end early the earliest. Below zero something is not kept; numbers not named are "
-        "nominal. "
-        f"{NO_PROOF}",
+        f"ranges and random plants, along one number at a time, up to {counted(runs, 'run')}; "
+        f"random: {counted(runs, 'random plant')}. All three were judged in MuJoCo; of equally "
+        "bad ones the first is named. Of plants that never settle the one with the largest error "
+        "left is the worst, of runs that end early the earliest. Below zero something is not kept; "
+        f"numbers not named are nominal. {NO_PROOF}",
     )
 
 
@@ -252,7 +251,7 @@ def _table_row(campaign: Campaign, plant: WorstPlant) -> tuple[str, ...]:
     if plant.shrunk is not None:
         nearest = f"{campaign.words(plant.shrunk)}: margin {number(plant.shrunk_relative)}"
     return (
-        label_of(plant.controller),
+        plant.controller,
         number(plant.samples),
         number(plant.search),
         number(plant.random),

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, one_line
+from grosmc_mj.ground.wording import counted
 from grosmc_mj.studies.campaign.manifest import MANIFEST, read_manifest
 from grosmc_mj.studies.comparison.changes import GONE, Change, Effect, effect_of
 from grosmc_mj.studies.comparison.intervals import (
@@ -180,7 +181,7 @@ class ChangedVerdicts(NamedTuple):
         listed = ", ".join(map(str, self.lost[:_LISTED]))
         if len(self.lost) > _LISTED:
             listed += ", ..."
-        failing = f"newly failing of {self.runs} plants: {listed or 'none'}"
+        failing = f"newly failing of {counted(self.runs, 'plant')}: {listed or 'none'}"
         return f"{failing}; newly kept: {len(self.won)}"
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from grosmc_mj.ground.errors import ArgumentError, one_line, value_text
+from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.output.page.reading import Document, read_results
 from grosmc_mj.output.results.result import KEPT, NOT_KEPT, Answer, ReportTable, Result, result
 from grosmc_mj.output.results.tables import numbers, phrases, table, words
@@ -150,7 +151,13 @@ def comparison_result(comparison: ResultComparison) -> Result:
     """Return the comparison as a result."""
     columns = [*words("change"), *phrases("of"), *numbers("before", "after"), *words("unit")]
     rows = [
-        (change.effect.value, change.name, _value(change.before), _value(change.after), change.unit)
+        (
+            change.effect.value,
+            change.name,
+            _value(change.before),
+            _value(change.after),
+            unit_after(change.unit).lstrip(),
+        )
         for change in comparison.changes
         if change.effect not in (Effect.NOISE, Effect.UNJUDGED)
     ]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.wording import counted
 
 # Confidence of each interval.
 CONFIDENCE = 0.99
@@ -58,7 +59,7 @@ def same_plants_rate(before: NDArray[np.bool_], after: NDArray[np.bool_]) -> Cha
     plants = len(before)
     lost = int(np.count_nonzero(before & ~after))
     won = int(np.count_nonzero(~before & after))
-    counts = f"{lost} of {plants} plants lost, {won} won"
+    counts = f"{lost} of {counted(plants, 'plant')} lost, {won} won"
     changed = lost + won
     if changed == 0:
         return ChangeInterval(0.0, 0.0, counts)
@@ -85,7 +86,8 @@ def other_plants_rate(before: NDArray[np.bool_], after: NDArray[np.bool_]) -> Ch
     confidence = 1 - (1 - CONFIDENCE) / 2
     old = stats.binomtest(kept_before, len(before)).proportion_ci(confidence)
     new = stats.binomtest(kept_after, len(after)).proportion_ci(confidence)
-    counts = f"{kept_before} of {len(before)} plants before, {kept_after} of {len(after)} after"
+    plants = counted(len(before), "plant")
+    counts = f"{kept_before} of {plants} before, {kept_after} of {len(after)} after"
     return ChangeInterval(float(new.low - old.high), float(new.high - old.low), counts)
 
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from grosmc_mj.ground.wording import counted, counted_of, plural
 from grosmc_mj.output.results.result import (
     KEPT,
     NOT_KEPT,
@@ -198,17 +199,16 @@ def contest_words(rows: Sequence[ContestLaw]) -> list[str]:
 
 def _laws(rows: Sequence[ContestLaw]) -> str:
     """The number of laws in words."""
-    return f"{len(rows)} law{'' if len(rows) == 1 else 's'}"
+    return counted(len(rows), "law")
 
 
 def _keeping(rows: Sequence[ContestLaw], winner: ContestLaw) -> str:
     """Which laws keep all, and which is the simplest, in words."""
     keeping = [row.law for row in rows if row.kept]
-    count = len(winner.numbers)
-    tuned_numbers = f"{count} tuned number{'' if count == 1 else 's'}"
+    tuned_numbers = counted(len(winner.numbers), "tuned number")
     place = _standing_words(winner.entries[-1].verdicts)
     return (
-        f"{len(keeping)} of {_laws(rows)} keep{'s' if len(keeping) == 1 else ''} all, tuned: "
+        f"{counted_of(len(keeping), len(rows), 'law', 'keeps', 'keep')} all, tuned: "
         f"{', '.join(keeping)}; simplest: {winner.law}, {tuned_numbers}, {place}"
     )
 
@@ -239,9 +239,10 @@ def _remarks(study: ContestStudy) -> list[str]:
     tuning = study.tuning
     conditions = ", ".join(item.name for item in tuning.conditions)
     lines = [
-        f"Each law: {tuning.runs:,} runs at most, ended at {tuning.target_share:g} of each limit; "
-        f"seed {tuning.seed}. Asked under: {conditions}.",
-        f"Tuned on {tuning.draws} draws, judged on {tuning.held_out} other ones; margins on "
+        f"Each law: {tuning.runs:,} {plural(tuning.runs, 'run')} at most, ended at "
+        f"{tuning.target_share:g} of each limit; seed {tuning.seed}. Asked under: {conditions}.",
+        f"Tuned on {counted(tuning.draws, 'draw')}, judged on "
+        f"{counted(tuning.held_out, 'other one')}; margins on "
         f"{study.margin_draws}.",
         "A law that was not found to keep all may do so with other numbers, or more runs.",
     ]

@@ -19,6 +19,7 @@ from grosmc_mj.experiments.number import written
 from grosmc_mj.experiments.requirements.signals import DEVIATION, named_units, signals_of
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.ground.wording import counted, counted_of, titled, unit_after
 from grosmc_mj.output.films.film import Film, Format
 from grosmc_mj.output.results.result import (
     KEPT,
@@ -54,18 +55,18 @@ def words_of(study: DisturbanceStudy, worst: WorstDisturbance) -> str:
     if worst.calm_share > ENDED:
         return f"{worst.law}: {calm}"
     if worst.ends:
-        return f"{worst.law}: {calm}the run ends early; {worst.runs} runs"
+        return f"{worst.law}: {calm}the run ends early; {counted(worst.runs, 'run')}"
     beside = f"{study.disturbance.compared} 0"
     if worst.compared_share > 0:
         ratio = worst.share / worst.compared_share
         beside = f"{ratio:.2g} times {study.disturbance.compared}"
-    switches = "1 switch" if worst.switches == 1 else f"{worst.switches} switches"
+    switches = counted(worst.switches, "switch", "switches")
     line = (
         f"{worst.law}: {calm}{worst.share:.3g} of {worst.words}, {beside}; {switches}; "
-        f"{worst.runs} runs; telegraph {worst.telegraph_share:.3g} ({worst.runs})"
+        f"{counted(worst.runs, 'run')}; telegraph {worst.telegraph_share:.3g} ({worst.runs})"
     )
     if worst.change > AGREES:
-        line += f"; {worst.pieces} pieces may be too few"
+        line += f"; {counted(worst.pieces, 'piece')} may be too few"
     if worst.largest_kept is not None:
         line += f"; all is kept {_largest_words(worst, study.disturbance.unit)}"
     return line
@@ -85,19 +86,20 @@ def _largest_words(worst: WorstDisturbance, unit: str) -> str:
     kept = worst.largest_kept
     failed = worst.smallest_failed
     if failed is None:
-        return f"up to {kept:.3g} {unit} at least, where the search ends"
+        return f"up to {kept:.3g}{unit_after(unit)} at least, where the search ends"
     if kept == 0:
-        return f"at no bound that was tried, down to {failed:.3g} {unit}"
-    return f"up to {kept:.3g} and not at {failed:.3g} {unit}"
+        return f"at no bound that was tried, down to {failed:.3g}{unit_after(unit)}"
+    return f"up to {kept:.3g} and not at {failed:.3g}{unit_after(unit)}"
 
 
 def verdict(study: DisturbanceStudy, rows: Sequence[WorstDisturbance]) -> str:
     """Return which laws keep everything under the worst disturbance that was found."""
     disturbance = study.disturbance
     keeping = [worst.law for worst in rows if worst.kept]
+    kept = counted_of(len(keeping), len(rows), "law", "keeps", "keep")
     sentence = (
-        f"{study.experiment.target}, {disturbance.bound:g} {disturbance.unit} on "
-        f"{disturbance.place}: {len(keeping)} of {len(rows)} laws keep all under the worst "
+        f"{study.experiment.target}, {disturbance.bound:g}{unit_after(disturbance.unit)} on "
+        f"{disturbance.place}: {kept} all under the worst "
         f"disturbance found{': ' if keeping else ''}{', '.join(keeping)}."
     )
     failing = [worst.law for worst in rows if not worst.kept_when_calm]
@@ -131,7 +133,7 @@ def answer_table(study: DisturbanceStudy, rows: Sequence[WorstDisturbance]) -> T
             _largest_text(worst),
         ]
         texts.append(row)
-    title = f"Worst disturbance within {disturbance.bound:g} {disturbance.unit}"
+    title = f"Worst disturbance within {disturbance.bound:g}{unit_after(disturbance.unit)}"
     legend = f"Shares: measured over allowed value. Compared with {disturbance.compared}."
     return table(title, columns, texts, legend=legend)
 
@@ -174,7 +176,7 @@ def charts(study: DisturbanceStudy, worst: WorstDisturbance) -> list[LineChart]:
         if limit.figure != DEVIATION:
             (signal, *_) = watched([limit], law.designed.error)
         unit = named_units(law, law.designed.sliding_unit or "1")[signal]
-        quantity = f"{signal} [{unit}]"
+        quantity = titled(signal, unit)
 
         some = np.unique(np.linspace(0, len(run.time) - 1, _POINTS).astype(int))
         time = run.time[some].tolist()
@@ -185,7 +187,7 @@ def charts(study: DisturbanceStudy, worst: WorstDisturbance) -> list[LineChart]:
         courses.append(Series(name=name, x=time, y=course.tolist()))
 
     seconds = "time [s]"
-    place = f"{disturbance.place} [{disturbance.unit}]"
+    place = titled(disturbance.place, disturbance.unit)
     level = limit.number if limit.is_level else None
     return [
         LineChart(name=f"{worst.law}: disturbance", titles=(seconds, place), lines=signals),
@@ -319,7 +321,7 @@ def case_text(study: DisturbanceStudy, worst: WorstDisturbance) -> str:
 def _title(study: DisturbanceStudy) -> str:
     """The worst disturbance in words."""
     disturbance = study.disturbance
-    return f"worst {disturbance.bound:g} {disturbance.unit} on {disturbance.place}"
+    return f"worst {disturbance.bound:g}{unit_after(disturbance.unit)} on {disturbance.place}"
 
 
 def _disturbance_table(disturbance: BoundedDisturbance, applied: AnyDisturbance) -> dict[str, Any]:

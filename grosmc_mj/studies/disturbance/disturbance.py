@@ -19,6 +19,7 @@ from grosmc_mj.experiments.requirements.signals import signals_of
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.ground.wording import counted, unit_after
 from grosmc_mj.output.results.result import finite
 from grosmc_mj.studies.disturbance.bounded import BoundedDisturbance, bounded_disturbance
 from grosmc_mj.studies.disturbance.row import BETTER, ENDED, STEP, WorstDisturbance
@@ -199,7 +200,8 @@ class DisturbanceStudy(Study[WorstDisturbance]):
             enough: Share at which it ends.
             advance: Told how far it is.
         """
-        name = f"{law}: {disturbance.bound:.3g} {disturbance.unit}, {pieces} pieces"
+        bound = f"{disturbance.bound:.3g}{unit_after(disturbance.unit)}"
+        name = f"{law}: {bound}, {counted(pieces, 'piece')}"
         return SignalSearch(
             shares=lambda signals: self.shares(law, list(map(disturbance.case_of, signals))),
             responses=lambda signals: self.responses(law, disturbance, signals),

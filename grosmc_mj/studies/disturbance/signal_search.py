@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.wording import counted
 
 # A share that is larger by rounding alone is no better.
 _BETTER = 1 + 1e-9
@@ -70,7 +71,7 @@ class SignalSearch:
             if shares[worst] > self.share:
                 self.share = float(shares[worst])
                 self.best = some[worst].copy()
-            self.advance(f"{self.runs} runs, {self.share:.3g}")
+            self.advance(f"{counted(self.runs, 'run')}, {self.share:.3g}")
             if self.share >= self.enough:
                 raise EnoughError
         return np.concatenate(parts)

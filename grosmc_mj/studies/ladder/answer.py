@@ -9,6 +9,7 @@ from typing import Any
 
 from grosmc_mj.experiments.file.schema import ClaimTable
 from grosmc_mj.experiments.measured import MEASURED
+from grosmc_mj.ground.wording import counted_of
 from grosmc_mj.output.results.result import (
     KEPT,
     NOT_KEPT,
@@ -61,7 +62,8 @@ def verdict(studied: Ladder, rows: Sequence[Verdict], condition: str) -> str:
             complete += 1
             every += failed is None
 
-    answer = f"{every} of {len(climbed)} laws pass every rung, {complete} the complete machine"
+    passing = counted_of(every, len(climbed), "law", "passes", "pass")
+    answer = f"{passing} every rung, {complete} the complete machine"
     breaks = ", ".join(f"{rung} breaks {count}" for rung, count in broken_by.most_common(3))
     if breaks:
         answer += f"; {breaks}"
@@ -80,8 +82,9 @@ def _agreement(rows: Iterable[Verdict], top: str) -> str:
             measured[row.law] = row.kept
     if not measured:
         return ""
+    laws = len(measured)
     agree = sum(modelled.get(law) == kept for law, kept in measured.items())
-    return f" The measured machine agrees with the model on {agree} of {len(measured)} laws."
+    return f" The measured machine agrees with the model on {counted_of(agree, laws, 'law')}."
 
 
 def answer_table(studied: Ladder, rows: Sequence[Verdict], condition: Condition) -> Table:

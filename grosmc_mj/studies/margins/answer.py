@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import astuple
 
 from grosmc_mj.experiments.assumptions.growth import growth
+from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.output.results.result import (
     MEASURED,
     OPEN,
@@ -81,7 +82,7 @@ def margin_table(setup: Setup, rows: Sequence[LawMargins]) -> Table:
     title = f"{setup.name}: what the task tolerates ({_draws_words(rows)}{under})"
     if shared is not None:
         (example, *_) = [row for row in rows if row.switches and row.trusted]
-        sizes = [f"{number(level.rms)} {level.unit}" for level in example.at(shared)]
+        sizes = [f"{number(level.rms)}{unit_after(level.unit)}" for level in example.at(shared)]
         title += f", and S at {', '.join(sizes)} rms of laws that switch"
 
     several = len(setup.case.nominal.system.inputs) > 1
@@ -189,7 +190,7 @@ def _notes_of(row: LawMargins) -> Iterator[str]:
             texts = []
             for level in levels:
                 value = number(factor * getattr(level.margins, margin))
-                texts.append(f"{value}{unit} at {number(level.rms)} {level.unit} rms")
+                texts.append(f"{value}{unit} at {number(level.rms)}{unit_after(level.unit)} rms")
             yield f"{title} hangs on the amplitude: {', '.join(texts)}"
     if row.levels and not row.trusted:
         doubts = [level.doubt for level in row.at(len(LEVELS) - 1) if level.doubt]
@@ -264,7 +265,7 @@ def _level_table(setup: Setup, rows: Sequence[LawMargins]) -> Table:
         for level in row.levels:
             pairs = zip(astuple(level.margins), astuple(level.errors), strict=True)
             values = [_with_error(*pair) for pair in pairs]
-            rms = f"{number(level.rms)} {level.unit}"
+            rms = f"{number(level.rms)}{unit_after(level.unit)}"
             cells.append([row.law, level.place, rms, *values, level.doubt])
     return table(f"{setup.name}: S at each amplitude", columns, cells, grouped=True)
 

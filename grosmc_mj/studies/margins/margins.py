@@ -17,6 +17,7 @@ from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, GrosmcError, SetupError
 from grosmc_mj.ground.units import number_in, typed_number
+from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.mechanics.machine import MachinePart
 from grosmc_mj.output.results.tables import number
 from grosmc_mj.output.results.verdicts import Verdict
@@ -182,9 +183,10 @@ class MarginStudy(Study[LawMargins]):
         for signal, limit in zip(plant.system.inputs, case.input_limits(plant)[1], strict=True):
             bound = float(min([limit, *allowed]))
             if self.injection > bound:
+                unit = unit_after(signal.unit)
                 raise ArgumentError(
-                    f"--injection {self.injection:g} {signal.unit} is beyond the limit of "
-                    f"{signal.name}, {bound:g} {signal.unit}"
+                    f"--injection {self.injection:g}{unit} is beyond the limit of {signal.name}, "
+                    f"{bound:g}{unit}"
                 )
             largest[LoopPlace(signal.name)] = self.injection or SHARE * bound
             if math.isinf(largest[LoopPlace(signal.name)]):
@@ -326,7 +328,7 @@ def _require_in_region(row: LawMargins) -> None:
         if LEAVES in level.doubt:
             raise ArgumentError(
                 f"{row.setup}: the loop with {row.law} leaves its region under an injection of "
-                f"{number(level.rms)} {level.unit} rms: give a smaller --injection"
+                f"{number(level.rms)}{unit_after(level.unit)} rms: give a smaller --injection"
             )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.wording import counted
 from grosmc_mj.simulation.disturbances import InputDisturbance, OutputDisturbance, Table
 from grosmc_mj.simulation.loop import AppliedLoop
 from grosmc_mj.simulation.simulate import Engine, simulate
@@ -240,7 +241,8 @@ class LoopSensitivity:
     def doubt(self) -> str:
         """Reason why the margins cannot be trusted; empty if they can."""
         if self.ended:
-            return f"{self.ended} of {self.ended + len(self.at_place)} runs {LEAVES}"
+            runs = counted(self.ended + len(self.at_place), "run")
+            return f"{self.ended} of {runs} {LEAVES}"
         if np.all(np.abs(self.at_place - 1) < _NOTHING):
             return "the law does not use it"
         if not self.usable:

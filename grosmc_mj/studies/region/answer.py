@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from grosmc_mj.experiments.case_document import case_document
+from grosmc_mj.ground.wording import plural, unit_after
 from grosmc_mj.output.charts.chart import in_lines
 from grosmc_mj.output.charts.figure import write_chart
 from grosmc_mj.output.charts.of_results import panels_chart
@@ -56,7 +57,7 @@ def _remarks(region: RegionStudy, maps: Sequence[RegionMap]) -> Iterator[str]:
     bounds = set()
     for loop in region.loops:
         for symbol, (value, unit) in loop.tolerances.items():
-            bounds.add(f"|error of {symbol}| <= {value:.3g} {unit}")
+            bounds.add(f"|error of {symbol}| <= {value:.3g}{unit_after(unit)}")
     yield (
         f"converged: {' and '.join(sorted(bounds))} after {region.duration:g} s; left the "
         f"region: a sample of the law not in the region ({region.system.region})."
@@ -66,8 +67,9 @@ def _remarks(region: RegionStudy, maps: Sequence[RegionMap]) -> Iterator[str]:
     if drawn:
         over_draws = sum(starts.confirmed for starts in drawn)
         yield (
-            f"{over_draws:,} starts judged over {region.draws} draws of noise, timing and "
-            "encoders' phases, all beside another outcome among them; all draws must converge."
+            f"{over_draws:,} {plural(over_draws, 'start')} judged over {region.draws} draws of "
+            "noise, timing and encoders' phases, all beside another outcome among them; all draws "
+            "must converge."
         )
 
     screened = [law_map.by_equations for law_map in maps if law_map.by_equations is not None]
@@ -79,9 +81,9 @@ def _remarks(region: RegionStudy, maps: Sequence[RegionMap]) -> Iterator[str]:
     at_random = sum(checked.drawn for checked in screened)
     wrong = sum(checked.wrong for checked in screened)
     yield (
-        f"{starts - confirmed:,} of {starts:,} starts judged by the equations, {confirmed:,} in "
-        f"MuJoCo, all beside another outcome among them; it overturned {overturned}, and "
-        f"{confirmation_words(at_random, wrong)}."
+        f"{starts - confirmed:,} of {starts:,} {plural(starts, 'start')} judged by the equations, "
+        f"{confirmed:,} in MuJoCo, all beside another outcome among them; it overturned "
+        f"{overturned}, and {confirmation_words(at_random, wrong)}."
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.ground.wording import counted_of, plural, titled, unit_after
 from grosmc_mj.studies.region.runs import RegionLoop
 from grosmc_mj.theory.plants import Signal
 
@@ -46,7 +47,7 @@ class Axis:
         if self.is_error:
             name = f"error of {name}"
         _, unit = shown(self.signal, 0.0)
-        return f"start {name} {self.signal.symbol} [{unit}]"
+        return titled(f"start {name} {self.signal.symbol}", unit)
 
     def cells(self, count: int) -> Array:
         """Return the centres of equal cells from minus to plus the limit, (count,)."""
@@ -157,9 +158,10 @@ def starts_on(
         words = []
         for axis in axes:
             value, unit = shown(axis.signal, outside[0][axis.state])
-            words.append(f"{axis.signal.symbol} = {value:.4g} {unit}")
+            words.append(f"{axis.signal.symbol} = {value:.4g}{unit_after(unit)}")
         raise ArgumentError(
-            f"{len(outside)} of {len(starts)} starts, as {', '.join(words)}, lie outside "
-            f"{system.region}, where law and plant are defined: lower the limits of the axes"
+            f"{counted_of(len(outside), len(starts), 'start')}, as {', '.join(words)}, "
+            f"{plural(len(outside), 'lies', 'lie')} outside {system.region}, where law and "
+            "plant are defined: lower the limits of the axes"
         )
     return starts

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import stats
 
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.output.palette import label_of
+from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.output.results.tables import Table, names, number, numbers, table, text
 from grosmc_mj.studies.sweep.sampled import SampledRuns
 
@@ -109,7 +109,7 @@ def margins_table(
         sampled: The runs.
     """
     rows = [
-        (requirement, label_of(law), *_cells(summary), units[requirement])
+        (requirement, law, *_cells(summary), unit_after(units[requirement]).lstrip())
         for (requirement, law), summary in summaries.items()
     ]
     headers = ("least", f"worst {TAIL} %", "1 %", "5 %", "median", "95 %", "mean", "unit")

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 from scipy import stats
 
-from grosmc_mj.output.palette import label_of
 from grosmc_mj.output.results.tables import Table, names, number, numbers, phrases, table
 from grosmc_mj.studies.sweep.margin_summary import MarginSummary
 from grosmc_mj.studies.sweep.sampled import SampledRuns
@@ -122,7 +121,7 @@ def pass_rates_table(
             margin = f"{number(summary.least)} {units[requirement]}".rstrip()
         kept = f"{rate.kept} of {rate.runs}"
         interval = rate.interval("..") or "-"
-        rows.append((requirement, label_of(law), kept, rate.percent, interval, margin))
+        rows.append((requirement, law, kept, rate.percent, interval, margin))
 
     confidence = next(iter(rates.values())).confidence
     level = f"{100 * confidence:.6g} %"

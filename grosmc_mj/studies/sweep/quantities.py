@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.number import Number, set_numbers
 from grosmc_mj.ground.fields import Range
+from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.mechanics.machine.part import MOST
 from grosmc_mj.output.results.tables import shown_unit
 from grosmc_mj.studies.sweep.distributions import Distribution
@@ -60,7 +61,7 @@ class Quantity:
     def words(self, value: float) -> str:
         """Return a value with its name, in the unit that people read."""
         unit, factor = self.shown_unit
-        return f"{self.name} {value * factor:.4g} {unit}".rstrip()
+        return f"{self.name} {value * factor:.4g}{unit_after(unit)}"
 
     def physical(self, value: float) -> bool:
         """Whether a plant can have this value; of a range without an end, one that is far out."""

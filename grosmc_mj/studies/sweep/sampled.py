@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from grosmc_mj.ground.wording import plural, unit_after
 from grosmc_mj.output.results.tables import number
 
 NO_PROOF = "Absence of failures among the runs sampled is no proof that there are none."
@@ -35,7 +36,7 @@ class SampledRuns(NamedTuple):
         runs = f"{self.runs}"
         if self.runs != self.planned:
             runs += f" of {self.planned}"
-        return f"{runs} runs, {self.sampler}, seed {self.seed}"
+        return f"{runs} {plural(self.planned, 'run')}, {self.sampler}, seed {self.seed}"
 
     @property
     def independent(self) -> bool:
@@ -77,7 +78,7 @@ def between(
     high: float | None,
 ) -> str:
     """Return a signed number over its interval, if it has one; an end may be open."""
-    words = f"{_signed(value)} {unit}".rstrip()
+    words = f"{_signed(value)}{unit_after(unit)}"
     if low is None:
         return words
     return f"{words}\n({_signed(low)} .. {_signed(high)})"

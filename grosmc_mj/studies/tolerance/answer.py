@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from grosmc_mj.ground.wording import counted_of
 from grosmc_mj.output.charts.chart import in_lines
 from grosmc_mj.output.results.result import (
     MEASURED,
@@ -233,7 +234,8 @@ def _document_answer(
 ) -> Answer:
     laws = {row.law for row in rows}
     weak = {row.law for row in rows if row.largest_kept is None}
-    answer = f"{len(laws) - len(weak)} of {len(laws)} laws keep all in every ideal loop"
+    keeping = counted_of(len(laws) - len(weak), len(laws), "law", "keeps", "keep")
+    answer = f"{keeping} all in every ideal loop"
     if not complete:
         answer += ", so far"
     return Answer(

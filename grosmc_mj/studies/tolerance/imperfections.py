@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, PART_KINDS, unit_of
 from grosmc_mj.experiments.steps import Member, Steps, with_values
+from grosmc_mj.ground.wording import titled
 from grosmc_mj.output.results.tables import number, prefixed
 from grosmc_mj.simulation.loop import Loop, Sensor
 from grosmc_mj.simulation.loop.timing import TIMES, time_as_run
@@ -151,7 +152,7 @@ class Imperfection:
         unit, _ = self.unit
         if not unit:
             return self.name
-        return f"{self.name} [{unit}]"
+        return titled(self.name, unit)
 
     def text(self, factor: float) -> str:
         """Return the amount for a factor, in the unit that is shown."""

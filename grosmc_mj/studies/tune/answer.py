@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.wording import counted, plural, titled
 from grosmc_mj.output.results.result import (
     KEPT,
     NOT_KEPT,
@@ -108,7 +109,7 @@ def conflict(row: TunedLaw) -> Conflict | None:
 def law_answer(study: TuneStudy, row: TunedLaw) -> Answer:
     """Return the answer on a law."""
     bound = binding(shares_of(row.designs[row.best]))
-    runs = f"{row.runs:,} runs"
+    runs = f"{row.runs:,} {plural(row.runs, 'run')}"
     more = ""
     if not row.complete:
         verdict = OPEN
@@ -281,7 +282,7 @@ def _at(values: Sequence[Any], where: NDArray[np.bool_]) -> list[Any]:
 
 
 def _axis(tuned: TunedNumberRow) -> str:
-    return f"{tuned.path} [{tuned.unit}]" if tuned.unit else tuned.path
+    return titled(tuned.path, tuned.unit)
 
 
 def _influential(points: Array, values: Array) -> tuple[int, int]:
@@ -344,7 +345,8 @@ def _remarks(study: TuneStudy) -> list[str]:
     drawn = any(item.drawn for item in study.conditions)
     draws = "nothing is drawn at random"
     if drawn:
-        draws = f"tuned on {study.draws} draws, judged on {study.held_out} other ones"
+        other = plural(study.held_out, "other one")
+        draws = f"tuned on {counted(study.draws, 'draw')}, judged on {study.held_out} {other}"
     return [
         f"Asked under: {names}; {draws}.",
         f"A search ends at {study.target_share:g} of each limit, or with its runs; seed "

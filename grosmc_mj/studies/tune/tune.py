@@ -13,6 +13,7 @@ import numpy as np
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, placed
+from grosmc_mj.ground.wording import counted
 from grosmc_mj.output.results.verdicts import Verdict
 from grosmc_mj.studies.pieces import Piece, PieceStore, Rows
 from grosmc_mj.studies.study import CellRunner, Study, StudyCell, dependencies
@@ -200,8 +201,9 @@ class LawTuning:
         """Refuse a law none of whose first designs can be made."""
         reasons = [design.refused for design in self.designs]
         if all(reasons):
+            designs = counted(len(reasons), "design")
             raise ArgumentError(
-                f"law {self._law.name}: none of {len(reasons)} designs within the ranges can be "
+                f"law {self._law.name}: none of {designs} within the ranges can be "
                 f"made: {reasons[0]}"
             )
 

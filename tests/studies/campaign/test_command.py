@@ -105,7 +105,7 @@ def resumed(file: Path, folder: Path) -> Answer:
 
 
 @pytest.mark.parametrize(
-    "phrase", ["1 of 1 parts are there already.", "deviation below 3 mrad", "no proof"]
+    "phrase", ["1 of 1 part is there already.", "deviation below 3 mrad", "no proof"]
 )
 def test_a_complete_campaign_is_answered_again(phrase: str, resumed: Answer) -> None:
     assert phrase in resumed.words

@@ -382,7 +382,7 @@ def test_the_requirement_that_fails_most_comes_first() -> None:
 
 def test_a_pass_rate_is_shown_with_its_interval_and_least_margin() -> None:
     row = RATES.rows[-1]
-    assert row == [SETTLES, "GROSMC", "512 of 512", "100", "99.28 .. 100.00", "0.5 s"]
+    assert row == [SETTLES, "grosmc", "512 of 512", "100", "99.28 .. 100.00", "0.5 s"]
 
 
 def test_only_all_of_the_runs_are_100_percent_and_only_none_is_0() -> None:

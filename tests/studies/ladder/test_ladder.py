@@ -942,5 +942,5 @@ def test_the_measured_machine_stands_beside_the_model_of_it(tmp_path: Path) -> N
     assert not measured.kept
     assert measured.share == pytest.approx(modelled.share, rel=0.05)
     assert answer.verdict(studied, [modelled, measured], studied.conditions[0].name).endswith(
-        "The measured machine agrees with the model on 1 of 1 laws."
+        "The measured machine agrees with the model on 1 of 1 law."
     )

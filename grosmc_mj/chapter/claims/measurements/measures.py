@@ -24,6 +24,7 @@ from grosmc_mj.experiments.requirements.metrics import largest_of
 from grosmc_mj.experiments.requirements.optimum import Comparison
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 
 # Every so many samples of a run are evaluated: odd, to meet both sides of the chatter.
@@ -303,7 +304,7 @@ def _margins(premise: Premise) -> str:
     """The margins over the region and along the run."""
     margins = []
     if premise.region is not None:
-        margins.append(f"{premise.region.margin:.3g} {premise.unit} over the region")
+        margins.append(f"{premise.region.margin:.3g}{unit_after(premise.unit)} over the region")
     if premise.along is not None:
-        margins.append(f"{premise.along.margin:.3g} {premise.unit} along the run")
+        margins.append(f"{premise.along.margin:.3g}{unit_after(premise.unit)} along the run")
     return " and ".join(margins)

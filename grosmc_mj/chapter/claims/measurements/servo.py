@@ -14,6 +14,7 @@ from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.theory.control.controller import Controller
 from grosmc_mj.theory.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.theory.control.lqr import lqr
@@ -148,6 +149,6 @@ def undercut(lab: RunCache, plant: PlantName) -> ClaimValue:
     s = float(np.abs(sliding(result.trajectory)).max())
     note = (
         f"on s = 0 {ideal:.5f} against J* = {least:.5f}, {100 * (ideal / least - 1):.3g} %; "
-        f"the run's largest |s| is {s:.2g} {law.designed.sliding_unit}"
+        f"the run's largest |s| is {s:.2g}{unit_after(law.designed.sliding_unit)}"
     )
     return from_run(result, 100 * (J / least - 1), note)

@@ -11,6 +11,7 @@ from pathlib import Path
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.answering import Question
 from grosmc_mj.ground.executors import Executor
+from grosmc_mj.ground.wording import counted, counted_of
 from grosmc_mj.output.results.result import Result
 from grosmc_mj.studies.campaign import work
 from grosmc_mj.studies.campaign.campaign import Campaign
@@ -73,7 +74,8 @@ class RunsQuestion(Question):
         parts = self.folder.missing(self.campaign)
         present = specification.shards - len(parts)
         if present > 0:
-            self.progress.append(f"{present} of {specification.shards} parts are there already.")
+            there = counted_of(present, specification.shards, "part", "is", "are")
+            self.progress.append(f"{there} there already.")
         if not parts:
             return
 
@@ -256,9 +258,9 @@ def _speed_line(
     """Return a line on how many runs and timesteps a second were made."""
     steps = runs * campaign.duration / campaign.experiment.settings.timestep
     line = (
-        f"{runs} runs of {campaign.duration:g} s in {seconds:.1f} s: {runs / seconds:.3g} runs and "
-        f"{steps / seconds:.3g} timesteps a second"
+        f"{counted(runs, 'run')} of {campaign.duration:g} s in {seconds:.1f} s: "
+        f"{runs / seconds:.3g} runs and {steps / seconds:.3g} timesteps a second"
     )
     if repeated:
-        line += f"; {repeated} parts were run again"
+        line += f"; {counted(repeated, 'part was', 'parts were')} run again"
     return f"{line}."

@@ -13,6 +13,7 @@ import numpy as np
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import GainError
 from grosmc_mj.ground.fields import Name, NotNegative, Positive, Range, checked
+from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.theory.control.controller import Controller
 from grosmc_mj.theory.control.lqr import LqrDesign
 from grosmc_mj.theory.control.reaching import (
@@ -139,8 +140,7 @@ class StateUncertainty(PlantFamily):
         terms += self._ranges()
 
         unit = plant.system.input.unit
-        force = f"{self.force:g}" if unit == "1" else f"{self.force:g} {unit}"
-        terms.append(f"disturbances of the input up to {force}")
+        terms.append(f"disturbances of the input up to {self.force:g}{unit_after(unit)}")
         if self.push:
             terms.append(f"{self.push:g} N on the {self._body_of(plant)}")
         return ", ".join(terms)
