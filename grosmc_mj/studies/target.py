@@ -196,6 +196,47 @@ def _ranges(loop: Loop) -> dict[str, float]:
     return {part.of: part.limit for part in loop.actuators if math.isfinite(part.limit)}
 
 
+def case_laws(
+    experiment: Experiment, *, further: bool = False, rivals: bool = False
+) -> list[StudiedLaw]:
+    """Return the laws that a case runs, by the names of its file.
+
+    Args:
+        experiment: Experiment of the target, without a loop.
+        further: Whether the laws of ``laws_of`` that the case does not run follow.
+        rivals: Whether the rivals follow.
+
+    Raises:
+        ArgumentError: If a law that the case runs cannot be designed.
+    """
+    own = [_own_law(experiment, name) for name in experiment.controllers]
+    added = []
+    for law in laws_of(experiment):
+        wanted = rivals if law.rival else further
+        if wanted and not any(_is_same(law, other) for other in own):
+            added.append(law)
+    return [*own, *added]
+
+
+def _own_law(experiment: Experiment, name: str) -> StudiedLaw:
+    """A law by its name in the file.
+
+    Raises:
+        ArgumentError: If it cannot be designed.
+    """
+    controller = experiment.law(experiment.nominal.truest, name)
+    return StudiedLaw(name, controller, experiment.predicts(name), base=name)
+
+
+def _is_same(law: StudiedLaw, other: StudiedLaw) -> bool:
+    """Whether two laws differ by their names alone."""
+    one = law.controller
+    two = other.controller
+    if one.law is not two.law or law.predict != other.predict:
+        return False
+    return repr(one.parameters) == repr(two.parameters)
+
+
 def laws_of(experiment: Experiment) -> list[StudiedLaw]:
     """Return the file's laws that do not switch, and its law that does with every switching law.
 
@@ -225,7 +266,15 @@ def laws_of(experiment: Experiment) -> list[StudiedLaw]:
 
     if switching:
         base = "grosmc" if "grosmc" in switching else switching[0]
-        studied += _switched(experiment, base, {law.name for law in studied})
+        names = {law.name for law in studied}
+        own = [_own_law(experiment, name) for name in experiment.controllers]
+        for law in _switched(experiment, base):
+            others = [other for other in own if other.name == law.name]
+            taken = law.name.partition(",")[0] in names
+            if taken or not all(_is_same(law, other) for other in others):
+                # The file has another law of that name.
+                law = replace(law, name=f"{base} {law.name}")
+            studied.append(law)
     return studied
 
 
@@ -240,13 +289,12 @@ def _distinct(experiment: Experiment) -> dict[str, dict[str, object]]:
     return tables
 
 
-def _switched(experiment: Experiment, base: str, names: set[str]) -> list[StudiedLaw]:
+def _switched(experiment: Experiment, base: str) -> list[StudiedLaw]:
     """A law with every switching law that fits its surface, without and with prediction.
 
     Args:
         experiment: The experiment.
         base: Name of the law.
-        names: Names that other laws have.
     """
     variants = [(False, switching, surface) for switching, surface in _SWITCHED]
     variants += [(True, *variant) for variant in _SWITCHED if variant[0] in _PREDICTED]
@@ -260,11 +308,7 @@ def _switched(experiment: Experiment, base: str, names: set[str]) -> list[Studie
             # Not every switching law fits every surface, such as one of several inputs.
             continue
 
-        name = switching
-        if switching in names:
-            name = f"{base} {switching}"
-        if predict:
-            name += ", predicted"
+        name = f"{switching}, predicted" if predict else switching
         laws.append(StudiedLaw(name, law, predict, base, sampled))
     return laws
 
@@ -294,7 +338,5 @@ def chosen_laws(
     for name in names:
         require_known("law", name, valid)
         if name not in by_name:
-            controller = experiment.law(experiment.nominal.truest, name)
-            predict = experiment.predicts(name)
-            by_name[name] = StudiedLaw(name, controller, predict, base=name)
+            by_name[name] = _own_law(experiment, name)
     return [by_name[name] for name in dict.fromkeys(names)]

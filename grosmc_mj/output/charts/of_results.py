@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import cycle
 from typing import NamedTuple
 
@@ -29,8 +29,12 @@ from grosmc_mj.output.palette import (
     BLUE,
     COLOURS,
     GREEN,
+    GREY,
     INK,
+    ORANGE,
     OTHERS,
+    PURPLE,
+    SKY,
     VERMILION,
     Stroke,
     label_of,
@@ -46,7 +50,7 @@ _COLUMN_NAME = 12
 # Least number of columns that a figure has room for.
 _FEWEST_COLUMNS = 4
 # Colours and symbols of curves that are no laws, in turn.
-_COLOURS = (*OTHERS, BLUE, VERMILION, GREEN)
+_COLOURS = (*OTHERS, BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE, GREY)
 _SYMBOLS: Sequence[Symbol] = (
     "circle",
     "square",
@@ -57,17 +61,25 @@ _SYMBOLS: Sequence[Symbol] = (
     "triangle-down",
 )
 _CURVE = 1.4
+# Line of a bound, and size of the mark of a point [point].
+_BOUND = Stroke(INK, 0.9, "dash")
+_POINT = 8.0
 # Ticks for which an axis has room.
 _MOST_TICKS = 12
 # An axis is logarithmic if its largest number is more than so many times its smallest.
 _FAR = 10.0
 
 
-def chart_of(chart: ResultChart) -> Chart:
-    """Return one chart of a result."""
+def chart_of(chart: ResultChart, beside: Iterable[ResultChart] = ()) -> Chart:
+    """Return one chart of a result.
+
+    Args:
+        chart: The chart.
+        beside: All charts of its table, in which a curve has one colour and one symbol.
+    """
     if isinstance(chart, CellChart):
         return cells_chart("", [chart], "")
-    return panels_chart("", [[chart]])
+    return _panels("", [[chart]], _styles(_names_in([*beside, chart])))
 
 
 # -- cells -----------------------------------------------------------------------------------------
@@ -112,13 +124,25 @@ def panels_chart(title: str, rows: Sequence[Sequence[LineChart | GridChart]]) ->
         title: Title.
         rows: The charts of each row. Maps show the outline of the first row's map above them.
     """
-    names: dict[str, None] = {}
-    for row in rows:
-        for chart in row:
-            if isinstance(chart, LineChart):
-                names.update(dict.fromkeys(series.name for series in chart.lines))
-    styles = _styles(list(names))
+    return _panels(title, rows, _styles(_names_in(chart for row in rows for chart in row)))
 
+
+def _names_in(charts: Iterable[ResultChart]) -> list[str]:
+    """Return the names of all curves that need a colour, each once."""
+    names: dict[str, None] = {}
+    for chart in charts:
+        if isinstance(chart, LineChart):
+            curves = [series.name for series in chart.lines if not series.bound]
+            names.update(dict.fromkeys(curves))
+    return list(names)
+
+
+def _panels(
+    title: str,
+    rows: Sequence[Sequence[LineChart | GridChart]],
+    styles: Mapping[str, _SeriesStyle],
+) -> Chart:
+    """Return charts in rows, whose curves have these styles."""
     panels: list[list[Panel]] = []
     for row in rows:
         in_row = []
@@ -159,13 +183,18 @@ def _lines_panel(chart: LineChart, styles: Mapping[str, _SeriesStyle]) -> Panel:
     x_axis = _x_axis(chart)
     layers: list[Layer] = []
     for series in chart.lines:
-        layers += _series_layers(series, styles[series.name], x_axis)
+        if series.bound:
+            y = [math.nan if value is None else value for value in series.y]
+            layers.append(Curve(series.x, y, _BOUND, name=label_of(series.name)))
+        else:
+            layers += _series_layers(series, styles[series.name], x_axis)
+    for x, y in chart.points:
+        layers.append(Marks([x], [y], INK, "x", size=_POINT))
 
-    dashed = Stroke(INK, 0.9, "dash")
     for mark in chart.marks:
         # A logarithmic axis has no place for zero.
         if x_axis.scale != "log" or mark > 0:
-            layers.append(LevelLine("x", mark, dashed))
+            layers.append(LevelLine("x", mark, _BOUND))
     values = [y for series in chart.lines for y in series.y if y is not None]
     if chart.limit is not None:
         layers.append(level_line(chart.limit))

@@ -190,7 +190,8 @@ def _study(document: Document, figures: list[PageFigure]) -> dict[str, Any]:
     name = content.answers[0].question if content.answers else document.path.stem
     sheets = []
     for sheet in content.sheets:
-        charts = [(chart.name, _plot(chart_of(chart), figures)) for chart in sheet.charts]
+        beside = sheet.charts
+        charts = [(chart.name, _plot(chart_of(chart, beside), figures)) for chart in beside]
         if sheet.table.rows or charts:
             sheets.append({"table": sheet.table, "charts": charts})
     return {

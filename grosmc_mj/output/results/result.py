@@ -136,6 +136,7 @@ class Series(Part):
         texts: Text of each point; empty for none.
         good: Whether the requirement holds at each point; empty if nothing is required.
         joined: Whether a line joins the points.
+        bound: Whether it is a bound of the others: dashed, in the colour of the text.
     """
 
     name: Text
@@ -144,6 +145,7 @@ class Series(Part):
     texts: Sequence[Text] = ()
     good: Sequence[bool | None] = ()
     joined: bool = True
+    bound: bool = False
 
 
 class LineChart(Part):
@@ -155,6 +157,7 @@ class LineChart(Part):
         lines: The curves.
         limit: Value of a line along the first axis; None for none.
         marks: Values of lines along the second axis.
+        points: Points that are marked.
         equal: Whether both axes have one scale.
     """
 
@@ -164,6 +167,7 @@ class LineChart(Part):
     lines: Sequence[Series]
     limit: Number = None
     marks: Sequence[float] = ()
+    points: Sequence[tuple[float, float]] = ()
     equal: bool = False
 
 

@@ -143,8 +143,12 @@ class Table(BaseModel):
             caption_style="dim",
             width=WIDTH if wraps else None,
         )
-        for column in self.columns:
-            rich_table.add_column(escape(column.header), **_column_options(column))
+        for i, column in enumerate(self.columns):
+            options = _column_options(column)
+            if column.kind == "names":
+                # A table that is too wide breaks names between words only.
+                options["min_width"] = _longest_word(row[i] for row in self.rows)
+            rich_table.add_column(escape(column.header), **options)
 
         styles = self.styles or [""] * len(self.rows)
         group: str | None = None
@@ -216,6 +220,12 @@ def _column_options(column: Column) -> dict[str, Any]:
         options["no_wrap"] = column.cut
         options["overflow"] = "ellipsis" if column.cut else "fold"
     return options
+
+
+def _longest_word(texts: Iterable[str]) -> int:
+    """Return the width of the longest word of some texts; at most that of a column of names."""
+    widths = [cell_len(word) for text in texts for word in text.split()]
+    return min(_NAME_WIDTH, max(widths, default=1))
 
 
 def _rich_cell(column: Column, cell: str) -> str:

@@ -23,7 +23,7 @@ from grosmc_mj.output.results.tables import Table, names, number, numbers, phras
 from grosmc_mj.output.results.verdicts import Verdict, standings, values_of
 from grosmc_mj.studies.margins.changes import DELAY, GAIN_DOWN, GAIN_UP, milliseconds
 from grosmc_mj.studies.margins.chatter import Chatter
-from grosmc_mj.studies.margins.figure import charts
+from grosmc_mj.studies.margins.figure import charts, in_figures
 from grosmc_mj.studies.margins.margins import MarginStudy, Setup
 from grosmc_mj.studies.margins.row import LEVELS, SEED, LawMargins, shared_level, together
 from grosmc_mj.studies.margins.task import AS_IS
@@ -86,7 +86,11 @@ def margin_table(setup: Setup, rows: Sequence[LawMargins]) -> Table:
         title += f", and S at {', '.join(sizes)} rms of laws that switch"
 
     several = len(setup.case.nominal.system.inputs) > 1
-    columns = [*names("law"), *numbers(GAIN_DOWN, GAIN_UP, "delay\n[ms]")]
+    failing = any(row.refused for row in rows)
+    columns = names("law")
+    if failing:
+        columns += names("not kept\nas it is")
+    columns += [*numbers(GAIN_DOWN, GAIN_UP, "delay\n[ms]")]
     columns += numbers("delay by\nS [ms]", "phase\n[°]", "disk")
     if several:
         columns += numbers("disk,\ntogether")
@@ -95,12 +99,11 @@ def margin_table(setup: Setup, rows: Sequence[LawMargins]) -> Table:
     nominal = setup.conditions[0].name
     cells = []
     for row in rows:
-        law = row.law
-        if row.refused:
-            conditions = ", ".join(refused.condition for refused in row.refused)
-            law += f" (not {conditions})"
+        named = [row.law]
+        if failing:
+            named.append(", ".join(refused.condition for refused in row.refused))
         of_task = [_task_text(row, kind, nominal) for kind in (GAIN_DOWN, GAIN_UP, DELAY)]
-        cells.append([law, *of_task, *_input_cells(row, shared, several)])
+        cells.append([*named, *of_task, *_input_cells(row, shared, several)])
     return table(title, columns, cells)
 
 
@@ -223,7 +226,10 @@ def sheets(studied: MarginStudy, rows: Sequence[LawMargins]) -> list[ReportTable
     for setup, of_setup in measured:
         first = margin_table(setup, of_setup)
         brief = (setup, of_setup) in nearest
-        parts.append(ReportTable(table=first, charts=charts(setup, of_setup), brief=brief))
+        drawn = []
+        for laws in in_figures(row.law for row in of_setup):
+            drawn += charts(setup, of_setup, laws)
+        parts.append(ReportTable(table=first, charts=drawn, brief=brief))
         parts.append(ReportTable(table=_task_table(setup, of_setup)))
         parts.append(ReportTable(table=_level_table(setup, of_setup)))
     return parts

@@ -41,6 +41,7 @@ from grosmc_mj.studies.target import (
     Condition,
     StudiedLaw,
     case_for,
+    case_laws,
     chosen_laws,
     conditions_of,
     judgeable_in,
@@ -361,6 +362,7 @@ def margin_study(
     target: str,
     chosen: Sequence[str] = (),
     *,
+    further: bool = False,
     rivals: bool = False,
     injection: str = "",
     period: str = "",
@@ -371,16 +373,19 @@ def margin_study(
     Args:
         target: A system, which means its bench and its machine, ``SYSTEM/CASE``, or the path of a
             case file.
-        chosen: Names of laws; all by default.
+        chosen: Names of laws; the controllers of the file by default.
+        further: Whether the default includes the case's other laws and all switching laws.
         rivals: Whether the default includes the rivals.
         injection: Largest injection at an input with its unit; a quarter of the limit by default.
         period: Period of the injections with its unit; the length of the task by default.
         draws: Draws of a loop that the task is judged over.
 
     Raises:
-        ArgumentError: If there is no such target or law, nothing is required, or a number has not
-            the unit of the input.
+        ArgumentError: If there is no such target or law, nothing is required, a number has not
+            the unit of the input, or chosen laws are asked for together with more of the default.
     """
+    if chosen and (further or rivals):
+        raise ArgumentError("--laws names all laws that are studied: leave out --all and --rivals")
     case = case_for(target, BENCH)
     cases = [case]
     machine = of_system(case, MACHINE)
@@ -391,7 +396,10 @@ def margin_study(
     for built in cases:
         edits = tuple(edit for edit in built.edits if edit not in built.parts)
         bare = built.changed(loop=None, edits=edits)
-        laws = chosen_laws(bare, chosen, rivals=rivals)
+        if chosen:
+            laws = chosen_laws(bare, chosen)
+        else:
+            laws = case_laws(bare, further=further, rivals=rivals)
         if built is case:
             conditions = _in_loop(bare, Loop(), None, ())
             setups.append(Setup(built.target, IDEAL, built, conditions, laws))

@@ -14,6 +14,9 @@ import pytest
 from commands import Screen, assert_one_line, run
 
 from grosmc_mj import cli
+from grosmc_mj.output.charts.chart import Curve, Marks
+from grosmc_mj.output.charts.of_results import panels_chart
+from grosmc_mj.output.palette import INK
 from grosmc_mj.output.results.result import Result
 from grosmc_mj.output.results.verdicts import Verdict
 from grosmc_mj.simulation.loop import Loop
@@ -22,7 +25,7 @@ from grosmc_mj.studies.margins import row as rows_of_laws
 from grosmc_mj.studies.margins.answer import margin_table, notes, verdict
 from grosmc_mj.studies.margins.changes import DELAY, GAIN_DOWN, GAIN_UP, ChangeSearch
 from grosmc_mj.studies.margins.chatter import Chatter
-from grosmc_mj.studies.margins.frequency_response import Margins, margins_of
+from grosmc_mj.studies.margins.frequency_response import LoopGain, Margins, margins_of
 from grosmc_mj.studies.margins.margins import MarginStudy, law_margins, margin_study
 from grosmc_mj.studies.margins.row import LEVELS, LawMargins, Level
 from grosmc_mj.studies.margins.sensitivity import LoopPlace
@@ -91,6 +94,34 @@ def test_a_system_is_studied_on_its_bench_and_its_machine() -> None:
     assert all(condition.experiment.parts for condition in studied.setups[2].conditions)
 
 
+def test_the_laws_of_a_file_are_studied_by_the_names_that_it_gives_them(tmp_path: Path) -> None:
+    """The second one is GROSMC with the implicit law, and is not studied again by that name."""
+    controllers = 'controller = [{ law = "lqr" }, { law = "grosmc", switching = "implicit", '
+    controllers += 'surface = "discrete" }]'
+    target = written(tmp_path, REQUIRED, LIMITED)
+    text = target.read_text().replace('controller = [{ law = "lqr" }]', controllers)
+    target.write_text(text)
+    own = [law.name for law in margin_study(str(target)).setups[0].laws]
+    assert own == ["lqr", "grosmc"]
+    further = [law.name for law in margin_study(str(target), further=True).setups[0].laws]
+    assert further[:2] == own
+    assert "implicit" not in further
+    assert {"sign", "super-twisting", "implicit, predicted"} <= set(further)
+
+
+def test_a_switching_law_leaves_its_name_to_another_law_of_the_file(tmp_path: Path) -> None:
+    """A law that is called sign and does not chatter is no sign law."""
+    controllers = 'controller = [{ name = "sign", law = "lqr", R = 2 }, { law = "grosmc" }]'
+    target = written(tmp_path, REQUIRED, LIMITED)
+    text = target.read_text().replace('controller = [{ law = "lqr" }]', controllers)
+    target.write_text(text.replace('law = "grosmc"', 'law = "grosmc", surface = "discrete"'))
+    laws = margin_study(str(target), further=True).setups[0].laws
+    switching = {law.name: law.controller.designed.switching for law in laws}
+    assert len(switching) == len(laws)
+    assert not switching["sign"]
+    assert switching["grosmc sign"] == "sign"
+
+
 def test_an_input_gets_a_quarter_of_its_limit_and_a_state_a_quarter_of_its_range() -> None:
     """The servo steps by 1 rad; its encoder is the only sensor."""
     places = servo().places(servo().setups[1])
@@ -106,8 +137,8 @@ def test_the_table_of_the_bench_has_the_margins_of_lqr() -> None:
     assert largest.margins.delay == pytest.approx(0.113, rel=0.01)
     assert largest.margins.disk == pytest.approx(1.52, rel=0.01)
     table = margin_table(servo().setups[1], [lqr, measured(1, 1)])
-    assert table.rows[0][0] == "lqr (not case1)"
-    assert table.rows[0][1] == "1/2.44 case2"
+    assert [row[:2] for row in table.rows] == [["lqr", "case1"], ["implicit", ""]]
+    assert table.rows[0][2] == "1/2.44 case2"
 
 
 def test_the_delay_margin_of_a_chattering_law_by_slow_signals_is_near_that_of_its_task() -> None:
@@ -256,9 +287,62 @@ def test_inputs_that_do_not_meet_have_the_least_of_their_disk_margins_together()
     assert rows_of_laws.together([both[0], both[1].model_copy(update={"frequency": []})]) is None
 
 
+def integrator(delay: float, turns: int = 0) -> LoopGain:
+    """Return 1/s with a delay [s], whose phase is a number of turns off."""
+    s = 2j * np.pi * FREQUENCY
+    L = np.exp(-s * delay) / s
+    phase = np.unwrap(np.angle(L)) + 2 * np.pi * turns
+    return LoopGain(FREQUENCY, np.log(np.abs(L)), phase)
+
+
+@pytest.mark.parametrize("turns", [-1, 0, 2])
+def test_the_distance_of_the_phase_from_the_line_at_the_crossover_is_the_phase_margin(
+    turns: int,
+) -> None:
+    """1/s crosses at 1/(2 pi) Hz with -90 degrees, whichever branch the measurement has."""
+    loop = integrator(0.0, turns)
+    margins = margins_of(FREQUENCY, 1 / (1 + loop.L))
+    phase = margins_figure._phase(loop, margins)
+    assert phase == pytest.approx(np.full(len(FREQUENCY), -90.0))
+    assert phase[0] + 180 == pytest.approx(margins.phase, abs=0.5)
+
+
+def test_a_curve_ends_at_its_first_gap() -> None:
+    """What comes back beyond the gap may be a turn off."""
+    size = np.array([0.1, 2.0, 1.0, 0.01, 0.5])
+    shown = margins_figure._about_largest(size > 0.03, size)
+    assert shown.tolist() == [True, True, True, False, False]
+
+
+def test_points_beyond_an_edge_are_not_joined_across_it() -> None:
+    x = np.arange(5.0)
+    curve = margins_figure._series("law", x, x, np.array([True, True, False, True, True]))
+    assert list(curve.y) == [0.0, 1.0, None, 3.0, 4.0]
+
+
+def test_a_figure_has_at_most_six_laws_each_with_its_own_colour_and_symbol() -> None:
+    names = [f"law {i}" for i in range(8)]
+    rows = [row(name, "-----") for name in names]
+    groups = margins_figure.in_figures(row.law for row in rows)
+    assert groups == [names[:6], names[6:]]
+    for laws in groups:
+        figure = margins_figure.charts(servo().setups[1], rows, laws)
+        first, phase, nyquist, _ = panels_chart("L", [figure]).panels
+        curves = [layer for layer in first.layers if isinstance(layer, Curve)]
+        assert [curve.name for curve in curves] == laws
+        assert len({curve.stroke.colour for curve in curves}) == len(laws)
+        assert len({curve.symbol for curve in curves}) == len(laws)
+        assert phase.y.scale == "linear"
+        (point,) = [layer for layer in nyquist.layers if isinstance(layer, Marks)]
+        assert (point.x, point.y) == ([-1.0], [0.0])
+        (disk,) = [layer for layer in nyquist.layers if layer.name == "disk margin"]
+        assert isinstance(disk, Curve)
+        assert (disk.symbol, disk.stroke.colour) == ("", INK)
+
+
 def test_the_disk_that_is_drawn_passes_the_axis_at_the_least_gains() -> None:
     """A gain from (2 - a)/(2 + a) to (2 + a)/(2 - a) is allowed."""
-    disk = margins_figure._disk(0.5, "law")
+    disk = margins_figure._disk(0.5)
     x = [value for value in disk.x if isinstance(value, float)]
     assert min(x) == pytest.approx(-2.5 / 1.5)
     assert max(x) == pytest.approx(-1.5 / 2.5)
@@ -319,6 +403,7 @@ def test_a_law_that_the_file_does_not_run_stops_no_other_one(tmp_path: Path) -> 
         ((REQUIRED, LIMITED), ("--injection=-1 A",), "must be positive"),
         ((REQUIRED, LIMITED), ("--period", "10 ms"), "at least 16 control periods"),
         ((REQUIRED, LIMITED), ("--laws", "nobody"), "unknown law 'nobody'"),
+        ((REQUIRED, LIMITED), ("--laws", "lqr", "--all"), "leave out --all"),
     ],
 )
 def test_a_mistake_gets_one_line(

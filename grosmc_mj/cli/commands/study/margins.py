@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from grosmc_mj.cli.command import Flag, StudiedLaws, Target, WholeNumber, command
+from grosmc_mj.cli.command import Flag, Laws, Target, WholeNumber, command
 from grosmc_mj.cli.study_command import StudyCommand
 
 if TYPE_CHECKING:
@@ -32,7 +32,8 @@ class MarginsCommand(StudyCommand["MarginStudy", "LawMargins"]):
     loop, and of a system on its machine.
 
     Writes margins_NAME.json, .png and .svg to --out, after Ctrl-C or SIGTERM what there is of them,
-    and each finished law to the folder margins_NAME.
+    and each finished law to the folder margins_NAME. A figure has at most six laws; the next six
+    are in margins_NAME_2.png and .svg.
 
     Exit code: 0 if done, 1 if a law keeps the task under no condition, 2 if the command or the
     set-up is wrong.
@@ -41,6 +42,7 @@ class MarginsCommand(StudyCommand["MarginStudy", "LawMargins"]):
         target: A system, which means its bench and its machine, a case, or a case file, whose own
             edits and disturbances act.
         laws: Laws to study, such as lqr, implicit, "implicit, predicted" or any law of the file.
+        all: Study the other laws that the system's cases share and every switching law, too.
         rivals: Study lqi, fl-pid, adrc and adaptive, too.
         injection: Largest injection at an input, rms, such as "1 A".
         period: Period of the injected signals, such as "10 s".
@@ -50,7 +52,8 @@ class MarginsCommand(StudyCommand["MarginStudy", "LawMargins"]):
 
     target: Target
     _: KW_ONLY
-    laws: StudiedLaws = ()
+    laws: Laws = ()
+    all: Flag = False
     rivals: Flag = False
     injection: Annotated[str, Parameter(metavar="VALUE", show_default="a quarter of the limit")] = (
         ""
@@ -67,6 +70,7 @@ class MarginsCommand(StudyCommand["MarginStudy", "LawMargins"]):
         return margin_study(
             self.target,
             self.laws,
+            further=self.all,
             rivals=self.rivals,
             injection=self.injection,
             period=self.period,
@@ -80,15 +84,25 @@ class MarginsCommand(StudyCommand["MarginStudy", "LawMargins"]):
         return margins_result(study, rows, complete=complete)
 
     def draw(self, study: MarginStudy, rows: Sequence[LawMargins], path: Path) -> Sequence[Path]:
-        """Draw the figure, a row of charts for each setup."""
+        """Draw a figure for every six laws, with a row of charts for each setup."""
         from grosmc_mj.output.charts.figure import write_chart
         from grosmc_mj.output.charts.of_results import panels_chart
         from grosmc_mj.studies.margins.answer import by_setup
-        from grosmc_mj.studies.margins.figure import charts
+        from grosmc_mj.studies.margins.figure import charts, in_figures
 
-        panels = [charts(setup, of_setup) for setup, of_setup in by_setup(study, rows)]
         title = f"{study.target}: L at the plant's input, and its delay margin"
-        return (write_chart(panels_chart(title, panels), path.with_suffix(".png")),)
+        groups = in_figures(row.law for row in rows)
+        files = []
+        for number, laws in enumerate(groups, 1):
+            panels = []
+            for setup, of_setup in by_setup(study, rows):
+                if not any(row.law in laws for row in of_setup):
+                    continue
+                panels.append(charts(setup, of_setup, laws))
+            ending = "" if number == 1 else f"_{number}"
+            figure = path.with_name(f"{path.stem}{ending}.png")
+            files.append(write_chart(panels_chart(title, panels), figure))
+        return files
 
     def keeps(self, study: MarginStudy, rows: Sequence[LawMargins]) -> bool:
         """Whether each law keeps the task under some condition."""
