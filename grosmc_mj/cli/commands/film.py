@@ -43,7 +43,8 @@ class FilmCommand(Command):
     Each law runs once; the film replays the recorded states. A translucent ghost shows the
     nominal optimal trajectory x* (for the arm, the reference), a green arrow or arc the force or
     torque of the disturbance while it acts. The camera moves where a body would not fit or would be
-    a speck; a model without light, floor or background gets them. Beside FILE.mp4 (H.264, plays
+    a speck; a model without light, floor or background gets them, and moving parts without colours
+    have those of the laws. Beside FILE.mp4 (H.264, plays
     in every browser) lie a poster, FILE.png, of the moment at which the laws differ most, and
     FILE.json with all that the film was made from.
 

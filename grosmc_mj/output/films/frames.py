@@ -68,11 +68,13 @@ class Scene(NamedTuple):
         physics: Full states, (frames, size).
         ghost: Positions of the ghost, (frames, nq), or None.
         wrench: ``xfrc_applied``, (frames, bodies, 6), or None.
+        colour: Colour of the law, (3,), for what the model gives none.
     """
 
     physics: Array
     ghost: Array | None
     wrench: Array | None
+    colour: Array
 
 
 class Stage(NamedTuple):
@@ -82,7 +84,7 @@ class Stage(NamedTuple):
         model: The film's own copy of the model.
         camera: Id of the camera.
         placement: Move of the camera, see ``scene.place``, (3,).
-        surroundings: Light, floor and background that the model lacks.
+        surroundings: Light, floor, background and colours that the model lacks.
         scenes: One for each picture.
         largest: Largest force [N] and torque [N m] of the film, (2,).
     """
@@ -172,6 +174,7 @@ class _Painter:
             self.renderer.update_scene(data, stage.camera)
         drawn = self.renderer.scene
         move(drawn, stage.placement)
+        stage.surroundings.paint(drawn, scene.colour)
         if scene.ghost is not None:
             self._ghost.qpos[:] = scene.ghost[index]
             mujoco.mj_kinematics(stage.model, self._ghost)

@@ -1,14 +1,15 @@
 """The scene of a film: the place of the camera, and the marks that are added to MuJoCo's scene.
 
 The camera is the model's own, moved if a body would not fit or would be a speck. Light, floor and
-background are added to a model that has none. The marks are the ghost and the disturbance as arrows
-and arcs.
+background are added to a model that has none, and what moves without a colour has that of the law.
+The marks are the ghost and the disturbance as arrows and arcs.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import mujoco
@@ -48,15 +49,32 @@ _FAINT = 0.02
 # Marks stand nearer to the camera, on the same line of sight, so that nothing hides them.
 _NEARER_MARK = 0.8
 _NEARER_GHOST = 0.985
+# A ghost of all that moves stands behind it: in front it would darken the whole machine.
+_FURTHER_GHOST = 1.015
 
 # Distance of the background, as a part of the largest distance that is drawn.
 _REACH = 0.9
 # Depth of a floor below the model, as a part of the model's extent.
 _BELOW = 0.02
 # Darker than they look: they are lit, and the background shines.
-_FLOOR = np.array([0.72, 0.74, 0.77, 1.0], np.float32)
-_BACKGROUND = np.array([0.56, 0.58, 0.60, 1.0], np.float32)
+_FLOOR = np.array([0.72, 0.74, 0.76, 1.0], np.float32)
+_BACKGROUND = np.array([0.56, 0.60, 0.64, 1.0], np.float32)
 _LIGHT_DIRECTION = np.array([0.35, 0.45, -0.82])
+# Distance of a light from the model's middle, and half the width of the square in which it casts
+# shadows, as parts of the model's extent. From further away shadows are speckled.
+_LIGHT_DISTANCE = 2.0
+LIT = 2.0
+# Lines on the floor: their distance and height above it, as parts of the model's extent, their
+# number to each side, and their width [pixel of the oversampled picture].
+_CELL = 0.25
+_ABOVE = 0.002
+_CELLS = 24
+_LINE = 2.0
+_LINE_COLOUR = np.array([0.70, 0.72, 0.74, 1.0], np.float32)
+# MuJoCo's colour of a geom whose model gives it none.
+_NO_COLOUR = np.array([0.5, 0.5, 0.5, 1.0], np.float32)
+# Part of white in the colour of every second body of a chain, so that links can be told apart.
+_PALER = 0.4
 
 _GEOM = mujoco.mjtGeom
 
@@ -153,17 +171,30 @@ def _axes(camera: Any) -> Array:
 
 
 class Surroundings(NamedTuple):
-    """Light, floor and background that a model lacks.
+    """Light, floor, background and colours that a model lacks.
 
     Attributes:
-        light: Whether to add a light.
+        light: Place of a light to add [m], (3,); None for none.
         floor: Height of a floor to add [m]; None for none.
         background: Whether to add a background; MuJoCo's own is black.
+        cell: Distance of the lines on an added floor [m].
+        uncoloured: For each geom to be drawn in the colour of the law, its part of white.
     """
 
-    light: bool
+    light: tuple[float, ...] | None
     floor: float | None
     background: bool
+    cell: float
+    uncoloured: Mapping[int, float]
+
+    def paint(self, scene: mujoco.MjvScene, colour: Array) -> None:
+        """Give geoms without a colour that of the law, (3,); the scene is updated."""
+        if not self.uncoloured:
+            return
+        for geom in scene.geoms[: scene.ngeom]:
+            if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM and geom.objid in self.uncoloured:
+                white = self.uncoloured[geom.objid]
+                geom.rgba[:3] = (1 - white) * colour + white
 
     def add(self, scene: mujoco.MjvScene) -> None:
         """Add them to an updated scene whose camera is in place."""
@@ -172,11 +203,12 @@ class Surroundings(NamedTuple):
         facing = _axes(camera)
         back = facing[:, 2]
         reach = _REACH * float(camera.frustum_far)
-        if self.light:
-            _add_light(scene)
+        if self.light is not None:
+            _add_light(scene, self.light)
         if self.floor is not None:
             below = np.array([eye[0], eye[1], self.floor])
             _add_plane(scene, below, np.eye(3), reach, _FLOOR)
+            _add_lines(scene, self.floor, self.cell)
         if self.background:
             plane = _add_plane(scene, eye - reach * back, facing, reach, _BACKGROUND)
             plane.emission = 1.0
@@ -194,8 +226,41 @@ def surroundings_of(model: mujoco.MjModel, states: Array) -> Surroundings:
             lowest = min(lowest, float(_corners(model, data, _drawn(model))[:, 2].min()))
         floor = lowest - _BELOW * model.stat.extent
 
+    light = None
+    if not model.nlight:
+        middle = model.stat.center
+        lamp = middle - _LIGHT_DISTANCE * model.stat.extent * _LIGHT_DIRECTION
+        light = tuple(lamp.tolist())
+
     skies = model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX
-    return Surroundings(model.nlight == 0, floor, not skies.any())
+    return Surroundings(
+        light=light,
+        floor=floor,
+        background=not skies.any(),
+        cell=_CELL * model.stat.extent,
+        uncoloured=_uncoloured(model),
+    )
+
+
+def _uncoloured(model: mujoco.MjModel) -> dict[int, float]:
+    """Return the moving geoms of a model that colours none of them, with their parts of white."""
+    moving = np.flatnonzero(_moving(model))
+    coloured = (model.geom_matid[moving] >= 0) | np.any(
+        model.geom_rgba[moving] != _NO_COLOUR, axis=1
+    )
+    if coloured.any():
+        return {}
+    return {geom: _PALER * (_depth(model, geom) % 2) for geom in moving.tolist()}
+
+
+def _depth(model: mujoco.MjModel, geom: int) -> int:
+    """Return the number of moving bodies between the world and a geom."""
+    depth = -1
+    body = model.body_weldid[model.geom_bodyid[geom]]
+    while body != 0:
+        depth += 1
+        body = model.body_weldid[model.body_parentid[body]]
+    return depth
 
 
 def _add_plane(
@@ -216,17 +281,32 @@ def _add_plane(
     return geom
 
 
-def _add_light(scene: mujoco.MjvScene) -> None:
-    """Add a lamp far above that casts shadows."""
+def _add_lines(scene: mujoco.MjvScene, floor: float, cell: float) -> None:
+    """Add lines on a floor, which show that a camera or a cart moves."""
+    height = floor + _ABOVE / _CELL * cell
+    end = _CELLS * cell
+    for line in np.linspace(-end, end, 2 * _CELLS + 1):
+        for start, stop in (((line, -end), (line, end)), ((-end, line), (end, line))):
+            geom = scene.geoms[scene.ngeom]
+            kind = _GEOM.mjGEOM_LINE
+            turn = np.eye(3).ravel()
+            mujoco.mjv_initGeom(geom, kind, np.ones(3), np.zeros(3), turn, _LINE_COLOUR)
+            mujoco.mjv_connector(geom, kind, _LINE, (*start, height), (*stop, height))
+            geom.category = mujoco.mjtCatBit.mjCAT_DECOR
+            scene.ngeom += 1
+
+
+def _add_light(scene: mujoco.MjvScene, lamp: Sequence[float]) -> None:
+    """Add a lamp above that casts shadows."""
     light = scene.lights[scene.nlight]
     light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
     light.headlight = False
     light.texid = -1
     light.castshadow = True
     light.dir[:] = _LIGHT_DIRECTION
-    light.pos[:] = -10 * _LIGHT_DIRECTION
-    light.ambient[:] = 0.3
-    light.diffuse[:] = 0.6
+    light.pos[:] = lamp
+    light.ambient[:] = 0.35
+    light.diffuse[:] = 0.5
     light.specular[:] = 0.1
     light.attenuation[:] = (1, 0, 0)
     light.intensity = 0
@@ -313,8 +393,10 @@ def add_ghost(scene: mujoco.MjvScene, model: mujoco.MjModel, data: mujoco.MjData
     option = mujoco.MjvOption()
     option.geomgroup[:] = 0
     option.geomgroup[INDICATOR] = 1
+    nearer = _NEARER_GHOST
     if INDICATOR not in model.geom_group:
         option.geomgroup[:3] = 1
+        nearer = _FURTHER_GHOST
     option.flags[mujoco.mjtVisFlag.mjVIS_TENDON] = 0
     moving = mujoco.mjtCatBit.mjCAT_DYNAMIC.value
     first = scene.ngeom
@@ -327,7 +409,7 @@ def add_ghost(scene: mujoco.MjvScene, model: mujoco.MjModel, data: mujoco.MjData
         geom.shininess = 0
         geom.reflectance = 0
         geom.category = mujoco.mjtCatBit.mjCAT_DECOR
-        geom.pos[:] = eye + _NEARER_GHOST * (geom.pos - eye)
+        geom.pos[:] = eye + nearer * (geom.pos - eye)
 
 
 def add_wrenches(

@@ -32,8 +32,8 @@ from grosmc_mj.output.films.frames import (
     Stage,
     Storyboard,
 )
-from grosmc_mj.output.films.scene import place, surroundings_of
-from grosmc_mj.output.palette import DISTURBANCE, GRID, OPTIMUM
+from grosmc_mj.output.films.scene import LIT, place, surroundings_of
+from grosmc_mj.output.palette import DISTURBANCE, GRID, OPTIMUM, red_green_blue
 from grosmc_mj.theory.plants.system import Signal
 
 # About this many poses decide the place of the camera.
@@ -110,11 +110,14 @@ def _stage(film: Film, model: mujoco.MjModel, picture: Box) -> Stage:
     scenes = tuple(_scene(film, model, take) for take in film.takes)
     states = np.concatenate([scene.physics for scene in scenes])
     poses = states[:: len(states) // _POSES + 1]
+    surroundings = surroundings_of(drawn, poses)
+    if surroundings.light is not None:
+        drawn.vis.map.shadowclip = LIT
     return Stage(
         model=drawn,
         camera=film.camera,
         placement=place(drawn, film.camera, poses, width / height),
-        surroundings=surroundings_of(drawn, poses),
+        surroundings=surroundings,
         scenes=scenes,
         largest=_largest_wrench(scenes),
     )
@@ -160,7 +163,7 @@ def _scene(film: Film, model: mujoco.MjModel, take: Take) -> Scene:
         columns = [int(joint.qposadr[0]) for joint in joints]
         ghost = physics[:, 1 : 1 + model.nq].copy()
         ghost[:, columns] = take.ghost[rows]
-    return Scene(physics, ghost, wrench)
+    return Scene(physics, ghost, wrench, np.array(red_green_blue(take.colour)))
 
 
 def draw_chart(film: Film) -> FilmPlots:

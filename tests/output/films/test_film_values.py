@@ -259,8 +259,9 @@ BARE = "<mujoco><worldbody><body><joint/><geom size='.1'/></body></worldbody></m
 def test_a_model_without_surroundings_gets_light_floor_and_background() -> None:
     model = mujoco.MjModel.from_xml_string(BARE)
     added = surroundings_of(model, state_of(model)[None])
-    assert added.light
+    assert added.light is not None
     assert added.background
+    assert list(added.uncoloured) == [0]
     assert added.floor is not None
     assert added.floor < -0.1
 
@@ -268,7 +269,31 @@ def test_a_model_without_surroundings_gets_light_floor_and_background() -> None:
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_a_model_with_surroundings_keeps_its_own(system: str) -> None:
     model = plant(system).model
-    assert surroundings_of(model, state_of(model)[None]) == (False, None, False)
+    added = surroundings_of(model, state_of(model)[None])
+    assert (added.light, added.floor, added.background) == (None, None, False)
+    assert not added.uncoloured
+
+
+COLOURED = "<mujoco><worldbody><body><joint/><geom size='.1' {}/></body></worldbody></mujoco>"
+MATERIAL = (
+    "<mujoco><asset><material name='m'/></asset><worldbody><geom size='.1'/>"
+    "<body><joint/><geom size='.1'/><geom size='.1' material='m'/></body></worldbody></mujoco>"
+)
+
+
+@pytest.mark.parametrize("xml", [COLOURED.format("rgba='1 0 0 1'"), MATERIAL])
+def test_a_model_that_colours_what_moves_keeps_its_colours(xml: str) -> None:
+    model = mujoco.MjModel.from_xml_string(xml)
+    assert not surroundings_of(model, state_of(model)[None]).uncoloured
+
+
+def test_links_of_a_chain_are_dark_and_pale_in_turn() -> None:
+    link = "<body><joint/><geom size='.1'/>{}</body>"
+    chain = link.format(link.format(link.format("")))
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{chain}</worldbody></mujoco>")
+    parts = surroundings_of(model, state_of(model)[None]).uncoloured
+    assert parts[0] == parts[2] == 0
+    assert 0 < parts[1] < 1
 
 
 def test_the_poster_shows_the_moment_at_which_runs_differ_most() -> None:

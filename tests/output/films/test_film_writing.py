@@ -28,7 +28,7 @@ from shipped import find_case, run_case
 from grosmc_mj import cli
 from grosmc_mj.cli import screen
 from grosmc_mj.experiments.catalogue import find_experiments
-from grosmc_mj.experiments.experiment import RunResult
+from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.file.text import complete_text
 from grosmc_mj.experiments.films import film_of, is_current, write_case_film
@@ -40,6 +40,7 @@ from grosmc_mj.output.films.offscreen import find_backend, find_ffmpeg, probe
 from grosmc_mj.output.films.pool import RenderingPool
 from grosmc_mj.output.films.storyboard import storyboard
 from grosmc_mj.output.films.write import WrittenFilm, write_film
+from grosmc_mj.output.palette import red_green_blue
 
 pytestmark = [pytest.mark.render, pytest.mark.slow]
 
@@ -251,6 +252,96 @@ def test_a_frame_shows_its_recorded_state(
         tips.append(tip)
     # Else it would be a still.
     assert np.ptp(tips, axis=0).max() > 10
+
+
+BARE_CART_POLE = """
+<mujoco>
+  <worldbody>
+    <body pos="0 0 1">
+      <joint name="rail" type="slide" axis="1 0 0"/>
+      <geom type="box" size=".2 .1 .1" mass="1"/>
+      <body>
+        <joint name="hinge" axis="0 1 0"/>
+        <geom type="capsule" fromto="0 0 0 0 0 .6" size=".03" mass=".1"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><motor name="push" joint="rail"/></actuator>
+</mujoco>
+"""
+BARE_ARM = """
+<mujoco>
+  <worldbody>
+    <body pos="0 0 .3">
+      <joint name="turn" axis="0 0 1" damping=".1"/>
+      <geom type="capsule" fromto="0 0 0 0 0 .3" size=".04" mass="1"/>
+      <body pos="0 0 .3">
+        <joint name="shoulder" axis="0 1 0" damping=".1"/>
+        <geom type="capsule" fromto="0 0 0 .3 0 0" size=".03" mass=".7"/>
+        <body pos=".3 0 0">
+          <joint name="elbow" axis="0 1 0" damping=".1"/>
+          <geom type="capsule" fromto="0 0 0 .25 0 0" size=".02" mass=".4"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <motor name="a" joint="turn"/><motor name="b" joint="shoulder"/><motor name="c" joint="elbow"/>
+  </actuator>
+</mujoco>
+"""
+CASE_OF_MODEL = """
+[plant]
+model = "robot.xml"
+[run]
+start = {{ {joint} = "0.2 rad" }}
+duration = "0.2 s"
+[task]
+Q = 10
+R = 1
+[[controller]]
+law = "lqr"
+[[controller]]
+law = "lqr"
+name = "grosmc"
+"""
+
+
+def luminance(colours: np.ndarray) -> np.ndarray:
+    """Relative luminance of colours of sRGB from 0 to 1, (..., 3), as WCAG 2 defines it."""
+    linear = np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
+    return linear @ np.array([0.2126, 0.7152, 0.0722])
+
+
+@pytest.mark.parametrize(
+    ("model", "joint"),
+    [(BARE_CART_POLE, "hinge"), (BARE_ARM, "elbow")],
+    ids=["cart-pole", "three-joint arm"],
+)
+def test_a_model_without_light_and_colours_stands_out_in_its_laws_colours(
+    model: str, joint: str, backend: str, tmp_path: Path
+) -> None:
+    """A light picture, on which each machine has the hue of its law and a contrast above 1.5."""
+    (tmp_path / "robot.xml").write_text(model)
+    (tmp_path / "robot.toml").write_text(CASE_OF_MODEL.format(joint=joint))
+    experiment = Experiment.load(tmp_path / "robot.toml")
+    runs = [experiment.run("physics", law) for law in ("lqr", "grosmc")]
+    film = film_of(runs, Format(640, 320, fps=5, stop=0.2))
+    board = storyboard(film)
+    (frame, *_) = drawn(board, backend, 1)
+
+    for take, box in zip(film.takes, board.chart.pictures, strict=True):
+        picture = frame[box] / 255
+        assert 0.7 < picture.mean() < 0.95
+        coloured = np.ptp(picture, axis=2) > 0.25
+        assert 0.01 < coloured.mean() < 0.5
+
+        machine = picture[coloured].mean(axis=0)
+        assert np.corrcoef(machine, red_green_blue(take.colour))[0, 1] > 0.95
+        darker, lighter = sorted(
+            [luminance(machine), luminance(picture[~coloured]).mean()],
+        )
+        assert (lighter + 0.05) / (darker + 0.05) > 1.5
 
 
 def test_a_frame_depends_neither_on_its_worker_nor_on_the_one_before(
