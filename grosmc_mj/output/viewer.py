@@ -25,6 +25,7 @@ from grosmc_mj.simulation.loop import AppliedLoop
 from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.simulation.problem import Problem
 from grosmc_mj.simulation.python_engine import ClosedLoop
+from grosmc_mj.simulation.stability import remedy
 from grosmc_mj.simulation.trajectory import Status, why_ended
 from grosmc_mj.theory.control.controller import Controller
 from grosmc_mj.theory.plants import Plant
@@ -133,7 +134,8 @@ def _advance(
         if status is not Status.COMPLETED:
             reached = loop.steps * problem.timestep
             law = problem.controllers[0]
-            return why_ended(status, problem.system, law, reached, loop.run.x)
+            advice = remedy(problem) if status is Status.DIVERGED else ""
+            return why_ended(status, problem.system, law, reached, loop.run.x, advice)
     return ""
 
 

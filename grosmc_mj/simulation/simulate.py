@@ -16,6 +16,7 @@ from grosmc_mj.simulation.native_engine import run_native
 from grosmc_mj.simulation.prepare import prepare
 from grosmc_mj.simulation.problem import Accumulator, Problem, Record
 from grosmc_mj.simulation.python_engine import run_python
+from grosmc_mj.simulation.stability import remedy
 from grosmc_mj.simulation.trajectory import Status, Trajectory, why_ended
 from grosmc_mj.theory.control.controller import Controller
 from grosmc_mj.theory.plants import Plant
@@ -93,7 +94,8 @@ def simulate(
     if status is Status.COMPLETED:
         return run
     end = float(trajectory.valid_until[0])
-    reason = why_ended(status, run.system, problem.controller, end, run.state[-1])
+    advice = remedy(problem) if status is Status.DIVERGED else ""
+    reason = why_ended(status, run.system, problem.controller, end, run.state[-1], advice)
     if status is Status.DIVERGED:
         raise DivergenceError(reason, end, run)
     raise UndefinedLawError(reason, end, run)

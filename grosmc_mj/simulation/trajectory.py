@@ -434,6 +434,7 @@ def why_ended(
     controller: Controller,
     time: float,
     x: Array,
+    remedy: str,
 ) -> str:
     """Reason in one line why a run could not go on; empty for one that could.
 
@@ -443,13 +444,14 @@ def why_ended(
         controller: Controller of the run.
         time: Time up to which the run is valid [s].
         x: State there, (n,).
+        remedy: Advice for one whose state grew without bound.
     """
     if status is Status.COMPLETED:
         return ""
     values = ", ".join(f"{value:.4g}" for value in x)
     reason = ""
     if status is Status.DIVERGED:
-        reason = "the state grew without bound; try a smaller control period or timestep"
+        reason = f"the state grew without bound; {remedy}"
     elif status is Status.SINGULAR_PLANT:
         reason = f"the plant is singular at {system.singularity}"
     elif status is Status.UNDEFINED_INPUT:

@@ -37,6 +37,7 @@ def notes_on(experiment: Experiment, results: Sequence[RunResult]) -> list[str]:
     notes += growth(experiment, [result.controller for result in on_truest])
     notes += unmatched(experiment, on_truest)
     notes += unfailing(experiment.limits, results)
+    notes += _neglected_poles(on_truest)
     notes += _names_left_out(experiment, on_truest)
     notes += _weights_by_order(experiment, on_truest)
     notes += notes_on_plant(experiment, experiment.plant(experiment.nominal.truest))
@@ -101,6 +102,23 @@ def _creeping_friction(plant: Plant) -> Iterator[str]:
         f"{joint} creeps by {distance:.2g}{unit_after(unit)} in 10 s; set it by an [[edit]] with "
         "friction, which holds"
     )
+
+
+def _neglected_poles(results: Sequence[RunResult]) -> Iterator[str]:
+    """Yield a line for each law whose gains were computed without poles of the plant."""
+    for result in results:
+        design = result.controller.design
+        if design is not None and design.neglected:
+            poles = ", ".join(f"{pole:.3g}" for pole in map(_real_if_so, design.neglected))
+            yield (
+                f"gains of {result.controller.name} are computed without the plant's pole at "
+                f"{poles} 1/s, which is much faster than what is asked for"
+            )
+
+
+def _real_if_so(pole: complex) -> complex | float:
+    """Return a pole as a plain number if it is real."""
+    return pole if pole.imag else pole.real
 
 
 def _names_left_out(experiment: Experiment, results: Sequence[RunResult]) -> Iterator[str]:

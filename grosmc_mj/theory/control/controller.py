@@ -81,6 +81,8 @@ class Design:
             the LQR, with or without a term that vanishes where nothing disturbs it.
         weighed: Whether somebody has chosen the weights of that optimum; else its runs have
             neither a distance from it nor a cost.
+        neglected: Poles of the plant that its gains were computed without [1/s], much faster than
+            the bandwidth that is asked for.
     """
 
     error: OutputCoordinates | StateCoordinates
@@ -96,6 +98,7 @@ class Design:
     numbers_at: Callable[[float], Mapping[str, Any]] | None = None
     follows_optimum: bool = True
     weighed: bool = True
+    neglected: tuple[complex, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,6 +25,10 @@ _AIM = 0.8
 _PEAK = 2.0
 # A search tries gains within this factor of those of an integrator chain.
 _WIDTH = 300.0
+# A pole is negligible if it is this much faster than the bandwidth that is asked for.
+_FAST = 100.0
+# Poles without the negligible ones agree with the plant's own by this share.
+_SAME = 0.05
 # Step of the differences of the plant's drift, in the unit of the error state.
 _STEP = 1e-5
 
@@ -38,6 +42,16 @@ class Tuning:
     """
 
     settles_within: Annotated[float, Range(1e-6, 1e6, "s")]
+
+    @property
+    def aim(self) -> float:
+        """Time in which the linearized loop shall settle [s]."""
+        return _AIM * self.settles_within
+
+    @property
+    def bandwidth(self) -> float:
+        """Bandwidth that this time asks for [rad/s]."""
+        return 1 / self.aim
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +73,7 @@ class PidLoop:
         C: Output matrix, (m, n).
         filter_time: Time constant of the rate's filter [s]; 0 for none.
         chains: Entries of z that belong to each output, if the plant has one chain for each.
+        neglected: Poles of the plant that are left out of the matrices [1/s], (p,).
     """
 
     A: Array
@@ -66,6 +81,7 @@ class PidLoop:
     C: Array
     filter_time: float
     chains: tuple[slice, ...] | None
+    neglected: tuple[complex, ...] = ()
 
     def closed(self, gains: PidGains) -> Array:
         """State matrix of (z, xi, filtered y), with u = -(kp y + ki xi + kd d)."""
@@ -164,6 +180,48 @@ def pid_loop(task: Task, rows: list[int], filter_time: float) -> PidLoop:
     return PidLoop(A, B, C, filter_time, chains)
 
 
+def without_fast_poles(loop: PidLoop, bandwidth: float) -> PidLoop:
+    """Loop without the plant's damped poles that are much faster than a bandwidth [rad/s].
+
+    Their states, such as the current of a winding, are at each instant where the others lead them:
+    0 = z_f' = A_fs z_s + A_ff z_f + B_f u. The loop stays as it is unless the poles that remain
+    are the plant's own.
+    """
+    fast = _FAST * bandwidth
+    A, B = loop.A, loop.B
+    led = (np.diag(A) < -fast) & ~np.any(loop.C != 0, axis=0)
+    if not np.any(led) or np.all(led):
+        return loop
+    f = np.flatnonzero(led)
+    s = np.flatnonzero(~led)
+    # Those of the fast states are the last.
+    poles = sorted(map(complex, np.linalg.eigvals(A).tolist()), key=abs)
+    neglected = tuple(poles[len(s) :])
+    if any(pole.real > -fast for pole in neglected):
+        return loop
+
+    at_once = np.linalg.solve(A[np.ix_(f, f)], np.hstack([A[np.ix_(f, s)], B[f]]))
+    reduced = np.hstack([A[np.ix_(s, s)], B[s]]) - A[np.ix_(s, f)] @ at_once
+    A_s = reduced[:, : len(s)]
+    of_reduced = sorted(map(complex, np.linalg.eigvals(A_s).tolist()), key=abs)
+    if not np.allclose(of_reduced, poles[: len(s)], rtol=_SAME, atol=_SAME * bandwidth):
+        return loop
+
+    chains = loop.chains
+    if chains is not None:
+        lengths = [int(np.count_nonzero(~led[part])) for part in chains]
+        ends = np.cumsum(lengths).tolist()
+        chains = tuple(slice(end - n, end) for end, n in zip(ends, lengths, strict=True))
+    return PidLoop(
+        A=A_s,
+        B=reduced[:, len(s) :],
+        C=loop.C[:, s],
+        filter_time=loop.filter_time,
+        chains=chains,
+        neglected=neglected,
+    )
+
+
 def placed_gains(loop: PidLoop, frequency: float) -> PidGains | None:
     """Gains that place each output's poles at -w, with the other outputs held.
 
@@ -211,16 +269,17 @@ def tuned_gains(loop: PidLoop, tuning: Tuning) -> PidGains:
     """Gains with which each output's error settles in time, and |S| has no peak above 2.
 
     Where poles can be placed, they are the slowest placed ones that do. Else a search finds them:
-    differential evolution over the three gains of each output, with a fixed seed.
+    differential evolution over the three gains of each output, with a fixed seed. Gains are
+    computed without negligible poles, and judged with them.
 
     Args:
-        loop: The loop.
+        loop: The loop, with all poles.
         tuning: The settling time.
 
     Raises:
         GainError: If there are none.
     """
-    aim = _AIM * tuning.settles_within
+    aim = tuning.aim
     frequencies = np.geomspace(0.01, 1e4, 240) / aim
 
     def misses(gains: PidGains) -> float:
@@ -231,14 +290,15 @@ def tuned_gains(loop: PidLoop, tuning: Tuning) -> PidGains:
         peak = loop.sensitivity(gains, frequencies)
         return math.log(max(tail / _BAND, 1.0)) + max(peak / _PEAK - 1, 0.0)
 
+    slow = without_fast_poles(loop, tuning.bandwidth)
     for frequency in np.geomspace(1, 100, 200) / aim:
-        placed = placed_gains(loop, frequency)
+        placed = placed_gains(slow, frequency)
         if placed is None:
             break
         if misses(placed) == 0:
             return placed
 
-    best = _searched(loop, aim, misses)
+    best = _searched(slow, aim, misses)
     if misses(best) > 0:
         tail = loop.tail(best, tuning.settles_within)
         raise GainError(

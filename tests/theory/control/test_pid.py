@@ -24,6 +24,7 @@ from grosmc_mj.theory.control.pid_tuning import (
     pid_loop,
     placed_gains,
     tuned_gains,
+    without_fast_poles,
 )
 
 PERIOD = 5e-3
@@ -183,6 +184,76 @@ def test_a_search_finds_gains_where_no_poles_can_be_placed() -> None:
     gains = tuned_gains(loop, Tuning(settles_within=6.0))
     assert np.linalg.eigvals(loop.closed(gains)).real.max() < 0
     assert loop.tail(gains, 4.8) <= 0.02
+
+
+# A small DC motor, whose voltage moves its shaft: inertia, damping, constant, resistance.
+J, DAMPING, CONSTANT, OHM = 3.2284e-6, 3.5077e-6, 0.0274, 4.0
+
+
+def motor_loop(inductance: float) -> PidLoop:
+    """Loop of the motor's angle, rate and acceleration, with the pole of its winding."""
+    JL = J * inductance
+    a1 = (DAMPING * OHM + CONSTANT**2) / JL
+    a2 = (DAMPING * inductance + J * OHM) / JL
+    A = np.array([[0.0, 1, 0], [0, 0, 1], [0, -a1, -a2]])
+    B = np.array([[0.0], [0], [CONSTANT / JL]])
+    return PidLoop(A, B, np.eye(3)[:1], 0.0, (slice(0, 3),))
+
+
+def test_the_pole_of_a_winding_is_left_out() -> None:
+    """With i = (u - K w)/R the motor is J w' = K (u - K w)/R - b w, and (s + w)^3 has its gains."""
+    slow = without_fast_poles(motor_loop(2.75e-6), 100.0)
+    assert slow.neglected == pytest.approx((-OHM / 2.75e-6,), rel=1e-3)
+    w = 100.0
+    gains = placed_gains(slow, w)
+    assert gains is not None
+    b = CONSTANT / (OHM * J)
+    damping = (DAMPING + CONSTANT**2 / OHM) / J
+    found = np.array([gains.kp[0], gains.ki[0], gains.kd[0]])
+    np.testing.assert_allclose(found, [3 * w**2 / b, w**3 / b, (3 * w - damping) / b], rtol=1e-4)
+
+
+def test_a_tuned_loop_settles_with_the_pole_that_was_left_out() -> None:
+    loop = motor_loop(2.75e-6)
+    gains = tuned_gains(loop, Tuning(settles_within=0.1))
+    assert loop.tail(gains, 0.08) <= 0.02
+    poles = np.linalg.eigvals(loop.closed(gains))
+    assert poles.real.max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("inductance", "bandwidth"),
+    [
+        # R/L of 60 rad/s, and a bandwidth that comes near R/L.
+        (4.0 / 60, 100.0),
+        (2.75e-6, 1e5),
+    ],
+)
+def test_a_pole_near_the_bandwidth_stays(inductance: float, bandwidth: float) -> None:
+    loop = motor_loop(inductance)
+    assert without_fast_poles(loop, bandwidth) is loop
+    assert placed_gains(without_fast_poles(loop, bandwidth), bandwidth) is None
+
+
+def test_a_fast_pole_that_grows_is_not_left_out() -> None:
+    A = np.array([[0.0, 1, 0], [0, 0, 1], [0, 0, 1e6]])
+    loop = PidLoop(A, np.eye(3)[:, 2:], np.eye(3)[:1], 0.0, (slice(0, 3),))
+    assert without_fast_poles(loop, 1.0) is loop
+
+
+def test_the_outputs_of_two_motors_keep_their_chains() -> None:
+    """Each joint's winding is left out, and the second joint has twice the inertia."""
+    one = motor_loop(2.75e-6)
+    A: Any = scipy.linalg.block_diag(one.A, one.A)
+    B: Any = scipy.linalg.block_diag(one.B, one.B / 2)
+    C: Any = scipy.linalg.block_diag(one.C, one.C)
+    slow = without_fast_poles(PidLoop(A, B, C, 0.0, (slice(0, 3), slice(3, 6))), 100.0)
+    assert slow.chains == (slice(0, 2), slice(2, 4))
+    gains = placed_gains(slow, 100.0)
+    alone = placed_gains(without_fast_poles(one, 100.0), 100.0)
+    assert gains is not None
+    assert alone is not None
+    np.testing.assert_allclose(gains.kp, alone.kp * [1, 2], rtol=1e-9)
 
 
 def test_a_tail_is_that_of_a_simulation() -> None:

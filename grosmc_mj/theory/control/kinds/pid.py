@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Annotated, Any
 
@@ -35,6 +35,7 @@ from grosmc_mj.theory.control.pid_tuning import (
     pid_loop,
     placed_gains,
     tuned_gains,
+    without_fast_poles,
 )
 from grosmc_mj.theory.control.task import Limit, Task
 
@@ -195,7 +196,7 @@ class Pid(LawKind):
         """
         error = task.error
         rows = _controlled(error, self.controls)
-        gains = self._gains(task, rows)
+        gains, neglected = self._gains(task, rows)
 
         low, high = task.input_limits
         if self.limit is not None:
@@ -216,7 +217,7 @@ class Pid(LawKind):
             high=np.broadcast_to(high, m).astype(float),
             tracking_time=self.tracking_time,
         )
-        return noting_controller(
+        controller = noting_controller(
             "pid",
             _law(error, tuple(rows)),
             like,
@@ -225,9 +226,13 @@ class Pid(LawKind):
             source="Astrom and Hagglund 2006",
             gains=_gains_to_show(gains),
         )
+        return replace(controller, design=replace(controller.designed, neglected=neglected))
 
-    def _gains(self, task: Task, rows: list[int]) -> PidGains:
-        """Return the gains that are given, or computed from a frequency or a settling time."""
+    def _gains(self, task: Task, rows: list[int]) -> tuple[PidGains, tuple[complex, ...]]:
+        """Return the gains, given or computed, and the poles that are left out of computing them.
+
+        They are computed from a frequency or a settling time.
+        """
         ways = [way[0] for way in self.ways]
         given = [name for name in ways if getattr(self, name) is not None]
         if len(given) != 1:
@@ -239,25 +244,28 @@ class Pid(LawKind):
 
         if self.kp is not None:
             m = task.error.inputs
-            return PidGains(
+            given_gains = PidGains(
                 _of_each_output("kp", self.kp, m),
                 _of_each_output("ki", self.ki, m),
                 _of_each_output("kd", self.kd, m),
             )
+            return given_gains, ()
         if np.any(self.ki) or np.any(self.kd):
             raise ArgumentError(f"pid: ki and kd belong to kp, {given[0]} computes them")
 
         loop = pid_loop(task, rows, self.filter)
         if self.tune is not None:
-            return tuned_gains(loop, self.tune)
+            slow = without_fast_poles(loop, self.tune.bandwidth)
+            return tuned_gains(loop, self.tune), slow.neglected
         assert self.frequency is not None
-        placed = placed_gains(loop, self.frequency)
+        slow = without_fast_poles(loop, self.frequency)
+        placed = placed_gains(slow, self.frequency)
         if placed is None:
             raise GainError(
                 f"pid: frequency places the poles of a plant of order one or two for each output; "
                 f"{task.plant.system.name} has more: give kp, ki and kd, or tune"
             )
-        return placed
+        return placed, slow.neglected
 
 
 def _gains_to_show(gains: PidGains) -> dict[str, float]:
