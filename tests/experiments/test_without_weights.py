@@ -81,11 +81,11 @@ def test_without_weights_nothing_is_told_of_an_optimum(tmp_path: Path) -> None:
         assert run.metrics[name].value is None
         assert run.metrics[name].note == "no weights"
     assert run_document(run)["weights"] == {}
-    assert not any("x1*" in header or "J" in header for header in headers(results_table([run])))
+    assert not any("*" in header or "J" in header for header in headers(results_table([run])))
 
     weighed = load(tmp_path, WITHOUT["pid"], WEIGHTS).run()
     assert weighed.metrics["cost_whole"].value is not None
-    assert any("x1*" in header for header in headers(results_table([weighed])))
+    assert any("*" in header for header in headers(results_table([weighed])))
 
 
 @pytest.mark.parametrize(
