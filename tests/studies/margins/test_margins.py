@@ -206,7 +206,8 @@ def test_a_law_that_cannot_be_trusted_at_the_shared_amplitude_is_marked() -> Non
 
 
 @pytest.mark.parametrize(
-    ("factor", "error", "says"), [(1.1, 0.0, False), (2.0, 0.0, True), (2.0, 2.0, False)]
+    ("factor", "error", "says"),
+    [(1.24, 0.0, False), (1.26, 0.0, True), (2.0, 0.49, True), (2.0, 0.51, False)],
 )
 def test_trusted_amplitudes_that_disagree_by_more_than_their_errors_are_named(
     factor: float, error: float, says: bool
@@ -222,6 +223,25 @@ def test_trusted_amplitudes_that_disagree_by_more_than_their_errors_are_named(
     assert any("hangs on the amplitude" in note for note in notes([law])) == says
     (cells,) = margin_table(servo().setups[1], [law]).rows
     assert (" to " in cells[4]) == says
+
+
+# Margins that differ from each other, and their errors.
+SHOWN = Margins(0.25, 4.5, 61.5, 0.0125, 0.75, 0.625, 3.25, 1.75)
+ERRORS = Margins(0.0, 0.3, 0.2, 0.0005, 0.0, 0.02, 0.0, 0.0)
+
+
+def test_the_table_shows_delay_phase_disk_and_bandwidth_with_errors_beyond_half_a_percent() -> None:
+    """Of 61.5 deg half a percent is 0.31 deg."""
+    shown = level(0).model_copy(update={"margins": SHOWN, "errors": ERRORS})
+    law = LawMargins(setup="servo/bench", law="lqr", levels=[shown] * len(LEVELS))
+    table = margin_table(servo().setups[1], [law])
+    assert table.rows[0][4:] == ["12.5±0.5", "61.5", "0.625±0.02", "1.75"]
+    assert [column.header for column in table.columns[4:]] == [
+        "delay by\nS [ms]",
+        "phase\n[°]",
+        "disk",
+        "bandwidth\n[Hz]",
+    ]
 
 
 def test_a_law_without_a_trusted_amplitude_is_said_to_have_none() -> None:

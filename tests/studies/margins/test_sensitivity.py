@@ -26,6 +26,7 @@ from grosmc_mj.studies.margins.frequency_response import (
 from grosmc_mj.studies.margins.multisine import multisine
 from grosmc_mj.studies.margins.sensitivity import (
     LoopPlace,
+    LoopSensitivity,
     RunningLoop,
     measure,
     measure_with_tests,
@@ -201,6 +202,65 @@ def test_a_pole_beyond_the_axis_bounds_the_gain_from_below() -> None:
     assert margins.gain_up == np.inf
 
 
+def margins_of_loop(numerator: Any, denominator: Any) -> Margins:
+    """Return the margins of a loop L(s), given by its polynomials, from 4,000 frequencies."""
+    w = np.geomspace(0.02, 400, 4_000)
+    L = np.polyval(numerator, 1j * w) / np.polyval(denominator, 1j * w)
+    return margins_of(w / (2 * np.pi), 1 / (1 + L))
+
+
+def crossovers(numerator: Any, denominator: Any) -> tuple[Array, Array]:
+    """Return where |L| = 1 [rad/s], ascending, and the lag after which L is -1 there [rad]."""
+
+    def squared(polynomial: Any) -> np.poly1d:
+        p = np.poly1d(polynomial)
+        return p * np.poly1d(p.coeffs * (-1.0) ** np.arange(p.order, -1, -1))
+
+    roots = (squared(numerator) - squared(denominator)).roots
+    w = np.sort(roots[(np.abs(roots.real) < 1e-6 * np.abs(roots)) & (roots.imag > 0)].imag)
+    L = np.polyval(numerator, 1j * w) / np.polyval(denominator, 1j * w)
+    return w, np.mod(np.angle(-L), 2 * np.pi)
+
+
+def test_the_bandwidth_is_where_the_sensitivity_is_3_db_down() -> None:
+    """L = 4/(s (s + 1)): 2 w^2 (w^2 + 1) = (4 - w^2)^2 + w^2, so w^4 + 9 w^2 = 16."""
+    w = np.sqrt((np.sqrt(9**2 + 4 * 16) - 9) / 2)
+    bandwidth = margins_of_loop([4], [1, 1, 0]).bandwidth
+    assert bandwidth == pytest.approx(w / (2 * np.pi), rel=1e-4)
+
+
+def test_gain_down_is_the_largest_factor_below_one_and_gain_up_the_least_above() -> None:
+    """With L = 10 exp(-s)/s a factor of (pi/2 + 2 pi k)/10 brings L to -1."""
+    w = np.geomspace(0.02, 400, 4_000)
+    margins = margins_of(w / (2 * np.pi), 1 / (1 + 10 * np.exp(-1j * w) / (1j * w)))
+    assert margins.gain_down == pytest.approx(5 * np.pi / 20, rel=1e-4)
+    assert margins.gain_up == pytest.approx(9 * np.pi / 20, rel=1e-4)
+
+
+# An integrator with a mode at 10 rad/s and a lag: |L| = 1 at 2.1, 9.1 and 10.6 rad/s.
+MODE = ([200], np.polymul([1, 1, 100, 0], [0.05, 1]))
+# A double integrator with lead and a mode at 30 rad/s: |L| = 1 at 1.03, 29.8 and 30.2 rad/s.
+LEAD = ([300, 900], np.polymul([1, 0, 0], [1, 0.12, 900]))
+
+
+@pytest.mark.parametrize(("loop", "least"), [(MODE, 1), (LEAD, 0)])
+def test_the_crossover_is_the_one_with_the_least_phase(loop: Any, least: int) -> None:
+    w, lag = crossovers(*loop)
+    phase = np.minimum(lag, 2 * np.pi - lag)
+    assert len(w) == 3
+    assert np.argmin(phase) == least
+    margins = margins_of_loop(*loop)
+    assert margins.crossover == pytest.approx(w[least] / (2 * np.pi), rel=1e-3)
+    assert margins.phase == pytest.approx(np.degrees(phase[least]), rel=1e-3)
+
+
+def test_the_delay_margin_may_be_that_of_a_crossover_with_more_phase() -> None:
+    """A lag of 19 deg at 1 rad/s takes 0.32 s, one of 64 deg at 30 rad/s takes 37 ms."""
+    w, lag = crossovers(*LEAD)
+    assert np.argmin(lag) == 0
+    assert margins_of_loop(*LEAD).delay == pytest.approx(lag[1] / w[1], rel=5e-3)
+
+
 def first_order(t: float, x: Any, memory: Any, p: Any) -> float:
     """Proportional feedback; the loop with 1/(s - 1) is at |S| = 1/0.4324 for slow signals."""
     return -1.4324 * x[0]
@@ -363,6 +423,45 @@ def test_realizations_of_a_linear_loop_do_not_differ() -> None:
     assert measured.deviation.max() < 1e-6
     assert not measured.doubt
     assert measured.standard_errors.disk < 1e-6
+
+
+def scattered(*parts: float, ended: int = 0) -> LoopSensitivity:
+    """Return S of an integrator with crossover at 3 Hz, times 1 + part in each realization."""
+    signal = multisine(10, T)
+    S = 1 / (1 + 3 / (1j * signal.frequencies))
+    realizations = (1 + np.array(parts))[:, None, None] * S[:, None]
+    return LoopSensitivity(signal, 1.0, realizations, 0, ended)
+
+
+def test_the_standard_error_of_a_margin_is_that_of_the_mean_of_its_runs() -> None:
+    """The modulus, 1/max|S|, moves by as much as S: by s/sqrt(n) of n runs with spread s."""
+    parts = 1e-4 * np.array([1.0, -2.0, 4.0, 0.5, -1.5])
+    measured = scattered(*parts)
+    expected = measured.margins.modulus * np.std(parts, ddof=1) / np.sqrt(5)
+    assert measured.standard_errors.modulus == pytest.approx(expected, rel=1e-3)
+    of_lines = measured.interpolation_errors.modulus
+    assert measured.errors.modulus == pytest.approx(expected + of_lines, rel=1e-3)
+
+
+@pytest.mark.parametrize(("spread", "trusted"), [(0.249, True), (0.251, False)])
+def test_runs_that_differ_by_a_quarter_near_the_crossover_are_not_trustworthy(
+    spread: float, trusted: bool
+) -> None:
+    """Of two runs at 1 + a and 1 - a the deviation is a sqrt(2)."""
+    measured = scattered(spread / np.sqrt(2), -spread / np.sqrt(2))
+    assert measured.deviation == pytest.approx(np.full(len(measured.deviation), spread))
+    assert measured.doubt == ("" if trusted else "runs differ by 25% near the crossover frequency")
+
+
+@pytest.mark.parametrize(("spread", "counts"), [(0.49, True), (0.51, False)])
+def test_a_line_whose_runs_differ_by_more_than_a_half_does_not_count(
+    spread: float, counts: bool
+) -> None:
+    assert scattered(spread / np.sqrt(2), -spread / np.sqrt(2)).counting.all() == counts
+
+
+def test_runs_that_ended_are_counted_among_all_runs() -> None:
+    assert scattered(0.0, 0.0, 0.0, ended=2).doubt == "2 of 5 runs leave the region of the loop"
 
 
 def test_a_relay_under_a_small_injection_is_not_trustworthy() -> None:

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from types import SimpleNamespace
+from typing import Any, NamedTuple, cast
 
+import numpy as np
 import pytest
 
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.ground.arrays import Array
 from grosmc_mj.output.results.tables import number
 from grosmc_mj.output.results.verdicts import Verdict
+from grosmc_mj.simulation.disturbances import Table
 from grosmc_mj.simulation.loop import Actuator, Loop
+from grosmc_mj.simulation.trajectory import Status
 from grosmc_mj.studies.margins.changes import DELAY, GAIN_DOWN, GAIN_UP, ChangeSearch, changed
-from grosmc_mj.studies.margins.chatter import Chatter, chatter
+from grosmc_mj.studies.margins.chatter import Chatter, chatter, is_quiet
 from grosmc_mj.studies.margins.sensitivity import LoopPlace, RunningLoop
 from grosmc_mj.studies.margins.task import AS_IS, task_margins
 from grosmc_mj.studies.sweep.search import run_searches
@@ -164,3 +170,42 @@ def test_the_implicit_law_begins_to_chatter_at_gain_2_and_a_sample_of_delay() ->
 def test_the_sign_law_chatters_at_rest() -> None:
     found = chatter(lambda loop: running("sign", loop), Loop(), LoopPlace("current"), 4.0, 4.0)
     assert found == Chatter(True, 1.0, 0.0)
+
+
+class ScriptedLoop:
+    """A loop of two realizations whose input is given, (2, samples, 1)."""
+
+    loops = (None, None)
+    control_period = 1e-3
+
+    def __init__(self, inputs: Array, status: Status) -> None:
+        self._run = SimpleNamespace(input=inputs, status=[Status.COMPLETED, status])
+        self.pulse = Table((0.0,), 1.0)
+
+    def run(self, _place: object, tables: Sequence[Table], *_: object) -> Any:
+        self.pulse = tables[1]
+        return self._run
+
+    def sampled(self, inputs: Array) -> Array:
+        return inputs
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "status", "quiet"),
+    [
+        (0.99, Status.COMPLETED, True),
+        (1.01, Status.COMPLETED, False),
+        (0.0, Status.DIVERGED, False),
+    ],
+)
+def test_a_loop_is_quiet_if_no_input_changes_by_a_thousandth_of_its_size(
+    amplitude: float, status: Status, quiet: bool
+) -> None:
+    """The size is 8 A, and the second run switches between +a and -a in its second half."""
+    inputs = np.zeros((2, 400, 1))
+    inputs[:, :200] = np.random.default_rng(0).normal(size=(2, 200, 1))
+    inputs[1, 200::2, 0] = amplitude * 4e-3
+    inputs[1, 201::2, 0] = -amplitude * 4e-3
+    loop = ScriptedLoop(inputs, status)
+    assert is_quiet(cast(RunningLoop, loop), LoopPlace("current"), 8.0, 0.4) == quiet
+    assert loop.pulse == Table((0.08,), 1e-3)
