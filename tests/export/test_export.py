@@ -513,7 +513,15 @@ def _slice_of_a_slice(t: float, x: Any, memory: Any, p: Any) -> float:
 
 
 def _negative_remainder(t: float, x: Any, memory: Any, p: Any) -> float:
+    memory.k += 1
     return (int(x[0] * 10.0) % 7) + (-int(memory.k) % 3)
+
+
+def _extremes(t: float, x: Any, memory: Any, p: Any) -> float:
+    a = min(x[0], x[1])
+    b = max(x[0], x[1])
+    signs = math.copysign(1.0, a) + 3.0 * math.copysign(1.0, b)
+    return signs + 9.0 * float(a == x[0]) + 18.0 * float(a == x[1]) + 36.0 * float(b == x[1])
 
 
 def _remainder_of_floats(t: float, x: Any, memory: Any, p: Any) -> float:
@@ -551,6 +559,22 @@ def test_operators_mean_in_c_what_they_mean_in_python(
     write_law(law, tmp_path)
     fast = compile_law(law, tmp_path, path, [*FLAGS, "-O3"])
     assert differing_samples(law, fast, x) == 0
+
+
+@needs_compiler
+def test_the_first_of_two_numbers_is_the_extreme_if_neither_is_beyond_the_other(
+    tmp_path: Path,
+) -> None:
+    """As Python has it; fmin and fmax of C take the number beside NaN, and either zero."""
+    law = of_ones_own(_extremes)
+    x = np.array([[0.0, -0.0], [-0.0, 0.0], [math.nan, 2.0], [2.0, math.nan]])
+    assert [law.controller.input_at(0.0, row, law.controller.memory())[0] for row in x] == [
+        67.0,
+        59.0,
+        4.0,
+        13.0,
+    ]
+    assert differing_samples(law, compiled(law, tmp_path), x) == 0
 
 
 @needs_compiler

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numba
 import numpy as np
@@ -14,12 +16,14 @@ from grosmc_mj.experiments.logs.log import Log
 from grosmc_mj.experiments.measured import run_of_log
 from grosmc_mj.experiments.requirements.accumulator import _noting_rows
 from grosmc_mj.ground.errors import ArgumentError, SetupError
+from grosmc_mj.identify import predict as predictions
 from grosmc_mj.identify.law_on_log import LawOnLog, law_on_log
 from grosmc_mj.identify.predict import Prediction, PredictionQuestion, predict, question_of
 from grosmc_mj.identify.predict_report import prediction_result
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.output.results.document import json_text
 from grosmc_mj.simulation.loop import Loop
+from grosmc_mj.simulation.trajectory import Status
 from grosmc_mj.studies.comparison.comparison import compare
 
 CASE = """
@@ -200,6 +204,41 @@ def test_a_start_from_which_no_run_gets_on_is_refused(question: PredictionQuesti
     far = question.experiment.changed(x0=(-1e14, 1e17))
     with pytest.raises(ArgumentError, match="every predicted run ends in its first step, from ro"):
         predict(question._replace(experiment=far), 2)
+
+
+def test_a_run_that_ended_early_never_reaches(
+    question: PredictionQuestion, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It may have been in its band when it ended."""
+    runs = predictions._closed_loop(question.experiment, question.law, 2)
+    ended = [runs[0], replace(runs[1], status=Status.DIVERGED)]
+    monkeypatch.setattr(predictions, "_closed_loop", lambda *_: ended)
+    (reached, *_) = predict(question, 2).quantities
+    assert reached.required
+    assert 0.0 < reached.predicted[0] < 3.0
+    assert reached.predicted[1] == np.inf
+
+
+@pytest.mark.parametrize(
+    ("noise", "expected"), [(0.39, 0.0), (0.41, np.sqrt(0.41**2 - 1 / 12))], ids=["below", "above"]
+)
+def test_noise_below_two_fifths_of_an_encoder_s_step_is_its_rounding(
+    noise: float, expected: float
+) -> None:
+    """A step of 2 mrad is itself off by 2/sqrt(12) mrad."""
+    step = 2e-3
+    log = SimpleNamespace(noise=lambda _: noise * step, resolution=lambda _: step)
+    assert predictions._noise(cast(Log, log), "rotor angle") == pytest.approx(expected * step)
+
+
+def test_a_run_of_a_log_begins_at_zero_with_the_samples_of_its_time() -> None:
+    time = 3.0 + 0.1 * np.arange(50)
+    log = Log("log", time, time[:, None], {"rotor angle": 2 * time}, [slice(0, 50)])
+    part = predictions._part(log, 4.2, 1.5)
+    assert part.time == pytest.approx(0.1 * np.arange(16))
+    assert part.inputs[:, 0] == pytest.approx(4.2 + 0.1 * np.arange(16))
+    assert part.states["rotor angle"] == pytest.approx(8.4 + 0.2 * np.arange(16))
+    assert part.pieces == [slice(0, 16)]
 
 
 def test_without_its_friction_the_machine_is_another_one(question: PredictionQuestion) -> None:

@@ -13,9 +13,11 @@ from case_texts import STEP, load
 from event_metrics import event_metrics
 
 from grosmc_mj.experiments.catalogue import chapter_controller
+from grosmc_mj.experiments.requirements.conditions import Conditions, RecordedRun
 from grosmc_mj.experiments.requirements.judging import judge_run
 from grosmc_mj.experiments.requirements.metrics import Metric
 from grosmc_mj.experiments.requirements.optimum import compare_with_optimum
+from grosmc_mj.experiments.requirements.swings import ReachesWithin
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.trajectory import Status, Trajectory
@@ -160,6 +162,28 @@ def test_a_run_that_reaches_nothing_keeps_no_limit_on_the_way(case) -> None:
         judged = judge_run(judgement, stuck)
         assert not judged.kept
         assert judged.note == "does not come to 0.02 rad and stay"
+
+
+def test_runs_without_the_event_are_ordered_behind_all_others_by_a_finite_number(case) -> None:
+    """A search compares them: the margin of a run that never reaches is minus infinity."""
+    shares = np.array([-math.inf, -2.5, 0.5])
+    (reaches, *_) = case.limits
+    assert isinstance(reaches, ReachesWithin)
+    order = reaches.order_share(shares, {}, np.full(3, 6.0), 1.0)
+    assert order[1:].tolist() == [-2.5, 0.5]
+    assert -math.inf < order[0] < -100
+
+
+def test_a_periodic_requirement_without_a_state_is_one_on_the_error_modulo_a_turn(case) -> None:
+    (reaches, *_) = case.limits
+    periodic = replace(reaches, periodic=True, band=0.2)
+    assert not periodic.signal
+    unloaded = Conditions([], np.zeros((2, 1)))
+    here, there = [
+        periodic.of_record(RecordedRun(of_error(RING + angle), LQR, unloaded))
+        for angle in (0.0, 2 * TURN)
+    ]
+    assert here == there == measured(of_error(RING), 0.2)["reached"].value
 
 
 @pytest.mark.parametrize(

@@ -58,6 +58,7 @@ FORMULAS = [
         "always[0,3](eventually[0,3](always[0,3](x < y)))",
     ),
     ("x > 0 implies (y > 0 implies x > y)", "(x > 0) -> ((y > 0) -> (x > y))"),
+    ("x > 0 implies y > 0 implies x > y", "(x > 0) -> ((y > 0) -> (x > y))"),
     ("always[40 s, 60 s] (x < 1)", "always[40,60](x < 1)"),
     (
         "eventually[0 s, 30 s] ((x < 0.5) until[0 s, 5 s] (y > 1.5 or x < -1))",
@@ -246,6 +247,20 @@ def test_an_interval_has_the_samples_in_it(begin, end) -> None:
     signals = {"t": 1e-3 * np.arange(6.0), "x": x, "y": x}
     formula = read_formula(f"always[{begin!r} s, {end!r} s] x > 0", UNITS).formula
     assert formula.margins(signals, 1e-3)[0] == 1.0
+
+
+def test_an_instant_between_two_samples_by_rounding_alone_is_a_sample() -> None:
+    """0.07/0.01 is 7.000000000000001 and 0.57/0.01 is 56.99999999999999."""
+    assert (0.07 / 0.01, 0.57 / 0.01) != (7.0, 57.0)
+    x = np.ones(100)
+    x[[7, 57]] = 0.25, 0.125
+    x[[6, 58]] = -1.0
+    signals = {"t": 0.01 * np.arange(100), "x": x, "y": x}
+    least = [
+        read_formula(f"always[{interval}] x > 0", UNITS).formula.margins(signals, 0.01)[0]
+        for interval in ("0.07 s, 0.5 s", "0.1 s, 0.57 s", "0.57 s, 0.57 s")
+    ]
+    assert least == [0.25, 0.125, 0.125]
 
 
 # -- refusals --------------------------------------------------------------------------------------

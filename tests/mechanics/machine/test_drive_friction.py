@@ -428,6 +428,24 @@ def test_friction_is_that_of_the_motor_behind_a_transmission() -> None:
     assert stepper.data.qvel[:2] == pytest.approx([0.7 / 0.3] * 2, rel=1e-2)
 
 
+def test_viscous_friction_of_a_drive_adds_to_the_joint_s_damping() -> None:
+    part = DriveFriction("shaft", coulomb=0.1, viscous=0.3)
+    plant = MujocoPlant.load("servo", edits=(JointEdit("shaft", damping=0.25), part))
+    assert plant.undrawn_model.dof_damping.tolist() == [pytest.approx(0.55)]
+
+
+def test_a_run_begins_with_the_friction_of_a_joint_at_rest() -> None:
+    """F_c + F_s = 0.1 + 0.4; after a run under load the limit of the last step stands there."""
+    part = DriveFriction(
+        "shaft", coulomb=0.1, load_motor=0.2, stribeck_force=0.4, stribeck_speed=0.5
+    )
+    stepper = advanced(servo(TORQUE, part, timestep=1e-3), 0.05, 3.0)
+    limit_of_run = stepper.model.dof_frictionloss[0]
+    stepper.restart(np.zeros(2))
+    assert stepper.model.dof_frictionloss[0] == pytest.approx(0.5)
+    assert limit_of_run > 0.6
+
+
 def test_a_plant_has_its_own_limits() -> None:
     plant = servo(TORQUE, MX106["M6"])
     before = plant.undrawn_model.dof_frictionloss.copy()

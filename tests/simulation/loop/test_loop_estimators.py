@@ -175,8 +175,11 @@ def test_the_gain_of_a_loop_is_that_of_the_linear_model(noise: float, load: floa
 
 
 @each_noise
-def test_a_resolution_counts_as_noise_of_a_twelfth_of_its_square(noise: float, load: float) -> None:
-    rounded = gain_of(0.0, load, resolution=noise * 12**0.5)
+def test_a_resolution_adds_a_twelfth_of_its_square_to_the_variance(
+    noise: float, load: float
+) -> None:
+    """0.6^2 + 0.8^2 = 1."""
+    rounded = gain_of(0.6 * noise, load, resolution=0.8 * noise * 12**0.5)
     np.testing.assert_allclose(gain_of(noise, load), rounded, rtol=1e-9)
 
 

@@ -184,6 +184,56 @@ def test_a_slewed_disturbance_keeps_both_bounds(tmp_path) -> None:
     assert len(values) * profile.hold >= 5
 
 
+def test_the_slew_bound_scales_with_the_bound(tmp_path) -> None:
+    """In parts of its bound a signal is the same, so that the time to the bound is."""
+    known = disturbance_study(str(held(tmp_path)), "rotor", "0.5 N m", slew="2 N m/s").disturbance
+    scaled = known.scaled(3.0)
+    assert (scaled.bound, scaled.slew) == (1.5, 6.0)
+    assert scaled.unit_disturbance.amplitudes == (0, 0, 0, 0, 1.5, 0)
+    pieces = np.array([1.0, -1.0, 1.0, 1.0])
+    assert scaled.profile(pieces) == known.profile(pieces)
+
+
+def test_a_deviation_adds_to_the_start_of_its_state(tmp_path) -> None:
+    """The rotor starts at 1 rad; deviations come in the order of the options."""
+    starts = ["rotor speed=0.5 rad/s", "rotor angle=20 mrad"]
+    known = disturbance_study(str(held(tmp_path)), "rotor", "1 N m", starts=starts).disturbance
+    case = known.case_of(np.array([1.0, -1.0, 0.5, -0.25]))
+    assert case.x0 == pytest.approx((1 - 0.25 * 0.02, 0.5 * 0.5))
+
+
+SINE = """
+[[disturbance]]
+body = "rotor"
+torque = ["0.3 N m", "0.4 N m", "0 N m"]
+profile = "sine"
+frequency = "0.7 Hz"
+"""
+
+
+@pytest.mark.parametrize(
+    ("on", "bound", "words"),
+    [
+        ("rotor", "2 N m", "a sine of 0.7 Hz"),
+        ("current", "2 A", "a constant one"),
+    ],
+)
+def test_the_case_s_own_disturbance_at_the_place_is_compared(tmp_path, on, bound, words) -> None:
+    path = held(tmp_path)
+    head, _, tail = HELD.partition("[[disturbance]]")
+    path.write_text(f"{head}{SINE}[[controller]]{tail.partition('[[controller]]')[2]}")
+    assert disturbance_study(str(path), on, bound).disturbance.compared == words
+
+
+def test_a_torque_has_the_direction_of_the_case_s_own_and_the_size_of_the_bound(tmp_path) -> None:
+    path = held(tmp_path)
+    path.write_text(
+        HELD.replace('["0 N m", "0.5 N m", "0 N m"]', '["0.3 N m", "0.4 N m", "0 N m"]')
+    )
+    known = disturbance_study(str(path), "rotor", "2 N m").disturbance
+    assert known.unit_disturbance.amplitudes == pytest.approx((0, 0, 0, 1.2, 1.6, 0))
+
+
 def test_a_slewed_disturbance_is_less_bad(tmp_path) -> None:
     path = held(tmp_path)
     quick = found_for_lqr(path, "10 mN m")

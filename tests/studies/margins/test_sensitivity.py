@@ -216,7 +216,7 @@ def crossovers(numerator: Any, denominator: Any) -> tuple[Array, Array]:
         p = np.poly1d(polynomial)
         return p * np.poly1d(p.coeffs * (-1.0) ** np.arange(p.order, -1, -1))
 
-    roots = (squared(numerator) - squared(denominator)).roots
+    roots: Any = (squared(numerator) - squared(denominator)).roots
     w = np.sort(roots[(np.abs(roots.real) < 1e-6 * np.abs(roots)) & (roots.imag > 0)].imag)
     L = np.polyval(numerator, 1j * w) / np.polyval(denominator, 1j * w)
     return w, np.mod(np.angle(-L), 2 * np.pi)
@@ -429,7 +429,7 @@ def scattered(*parts: float, ended: int = 0) -> LoopSensitivity:
     """Return S of an integrator with crossover at 3 Hz, times 1 + part in each realization."""
     signal = multisine(10, T)
     S = 1 / (1 + 3 / (1j * signal.frequencies))
-    realizations = (1 + np.array(parts))[:, None, None] * S[:, None]
+    realizations: Any = (1 + np.array(parts))[:, None, None] * S[:, None]
     return LoopSensitivity(signal, 1.0, realizations, 0, ended)
 
 
