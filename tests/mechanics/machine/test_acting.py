@@ -145,6 +145,18 @@ def test_a_limit_that_no_motor_exceeds_cannot_fail(tmp_path, motor, can_fail) ->
     assert (unfailing(experiment.limits, [result]) == []) is can_fail
 
 
+def test_a_current_that_lags_gives_no_more_than_is_asked_of_it() -> None:
+    """RK4 exceeds the actuator's 3.3 N m by rounding, 1e-8 N m, which is no failure of a law."""
+    quick = {"laws.lqr.Q[1]": 1e6, "laws.lqr.Q[2]": 1.5e4}
+    experiment = Experiment.load("arm/machine").changed(quick, laws=["lqr"])
+    result = experiment.run("physics", "lqr")
+    acting = result.trajectory.acting
+    assert acting is not None
+    assert 3.3 < np.abs(acting).max() < 3.3 + 1e-7
+    (limit,) = [limit for limit in experiment.limits if limit.key == "input_below"]
+    assert judge_run(limit, result).measured == 3.3
+
+
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
 def test_what_acts_and_what_is_asked_for_have_names(tmp_path, ending) -> None:
     result = run(tmp_path, PLAIN)
