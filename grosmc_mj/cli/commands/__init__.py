@@ -79,13 +79,20 @@ GROUPS = {
 }
 
 ABOUT = (
-    "Does a robust controller keep its promise, from equation to physics, and where does it break? "
-    "GROSMC (LQR made robust by an integral sliding surface) on the servo rotor, the "
-    "cart-pendulum, the 1-DOF arm and a two-link arm: printed equations, corrected ones and "
-    "MuJoCo, side by side.\n\n"
+    "Check whether a robust controller meets its specification: on equations, in MuJoCo, on models "
+    "of real machines. Where it fails, it names the cause.\n\n"
+    "It applies to mechanisms of hinges and slides that torques or forces drive: the package's "
+    "servo, cart_pendulum, arm and two_link_arm, each as equations, in MuJoCo and as a machine; "
+    "your own robot (MJCF); equations that are affine in the input; logs of a machine. Laws: LQR, "
+    "LQI, PID, ADRC, adaptive control, GROSMC (LQR made robust by an integral sliding surface), or "
+    "your own Python. Not to tasks in contact, wheeled or flying robots, or links that bend.\n\n"
+    "Try first:\n"
+    "  grosmc-mj run cart_pendulum/case1   does this case meet its requirements?\n"
+    "  grosmc-mj new mine                  write a case file to change\n"
+    "  grosmc-mj study ladder servo        at which step does each law fail?\n\n"
     "The target of a command is a SYSTEM, one of its cases (SYSTEM/CASE) or a case file of your "
-    "own (FILE.toml); grosmc-mj list names them, grosmc-mj new writes one. The answer comes first "
-    "and fits on a screen; --verbose prints all tables.\n\n"
+    "own (FILE.toml); grosmc-mj list names them. The answer comes first and fits on a screen; "
+    "--verbose prints all tables.\n\n"
     "Exit codes: 0 done and kept, 1 something is not kept or not as recorded, 2 anything else that "
     "is wrong, 130 interrupted by Ctrl-C or SIGTERM. --debug adds the traceback of an error."
 )
