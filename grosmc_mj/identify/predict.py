@@ -231,7 +231,7 @@ def _start(experiment: Experiment, log: Log, logged_delay: float) -> Array:
     """
     loop = experiment.loop
     assert loop is not None
-    delay = max(loop.computing.delay - logged_delay, 0.0)
+    delay = _unlogged_delay(experiment, logged_delay)
     replayed = loop.changed("computing", "", delay=delay)
     plant = experiment.plant(experiment.nominal.truest)
     model = LogModel(plant, replayed, experiment.disturbances)
@@ -260,7 +260,11 @@ def predict(question: PredictionQuestion, seeds: int) -> Prediction:
     if all(len(run.time) == 1 for run in runs):
         raise ArgumentError(_no_step_words(case, question.log))
     timestep = _timestep(case)
-    logs = [_log_of(run, question.log, timestep) for run in runs]
+    late = 0.0
+    if question.law_on_log is not None:
+        late = question.law_on_log.rows * question.log.sampling
+    early = _unlogged_delay(case, late)
+    logs = [_log_of(run, question.log, timestep, early) for run in runs]
 
     quantities = _quantities(question.experiment, question.log, question.law)
     predicted: dict[str, list[float]] = {name: [] for name in quantities}
@@ -315,15 +319,36 @@ def _timestep(experiment: Experiment) -> float:
     return plant.step_length or experiment.settings.timestep
 
 
-def _log_of(run: Trajectory, like: Log, timestep: float) -> Log:
-    """Return the log of a simulated run: what its sensors told at the instants of another log."""
+def _unlogged_delay(experiment: Experiment, logged_delay: float) -> float:
+    """Return the delay of the computer that a log does not have: by it a command stands early [s].
+
+    Args:
+        experiment: The machine.
+        logged_delay: Time from a state to the command of it in the log [s].
+    """
+    loop = experiment.loop
+    assert loop is not None
+    return max(loop.computing.delay - logged_delay, 0.0)
+
+
+def _log_of(run: Trajectory, like: Log, timestep: float, early: float) -> Log:
+    """Return the log of a simulated run: what its sensors told at the instants of another log.
+
+    Args:
+        run: The run.
+        like: The other log.
+        timestep: Timestep of the run [s].
+        early: Time by which that log has a command before it is applied [s]. A jump from rest at
+            its first sample is in neither log then.
+    """
     assert run.seen is not None
-    rows = steps_to(like.time, timestep).clip(0, len(run.seen) - 1)
-    names = [state.name for state in run.system.states]
     commands = as_rows(run.input)
+    rows = steps_to(like.time, timestep).clip(0, len(run.seen) - 1)
+    applied = steps_to(like.time + early, timestep).clip(0, len(commands) - 1)
+    names = [state.name for state in run.system.states]
     return replace(
         like,
-        inputs=commands[rows],
+        inputs=commands[applied],
         states={name: run.seen[rows, names.index(name)] for name in like.states},
     )
 

@@ -28,6 +28,9 @@ from grosmc_mj.output.results.tables import Table, number, numbers, phrases, tab
 
 # Medians over noisy runs repeat within this share on another machine.
 _NOISE = 0.05
+# Digits of a number, and of one that must be told from an end of its spread, at most.
+_LEAST_DIGITS = 3
+_MOST_DIGITS = 7
 
 
 def prediction_result(
@@ -44,7 +47,9 @@ def prediction_result(
     """
     required = [item for item in complete.quantities if item.required]
     outside = [item.label for item in required if not item.contains(item.measured)]
-    words = f"Predicted: {_headline(required[0])}"
+    # A spread without width tells nothing of the noise.
+    wide = [item for item in required if _has_width(item)]
+    words = f"Predicted: {_headline([*wide, *required][0])}"
     if outside:
         words += f"; outside the spread: {', '.join(outside)}"
     answer = Answer(
@@ -106,21 +111,43 @@ def _law_answer(question: PredictionQuestion) -> Answer:
     return Answer(question=f"Is {question.law} the law of the log", verdict=verdict, words=words)
 
 
-def _headline(item: PredictedQuantity) -> str:
-    """Return the first quantity in words: median, spread, measured."""
+def _has_width(item: PredictedQuantity) -> bool:
+    """Return True if both ends of the spread are written differently."""
     low, high = item.spread
+    return _written(low, _LEAST_DIGITS) != _written(high, _LEAST_DIGITS)
+
+
+def _headline(item: PredictedQuantity) -> str:
+    """Return a quantity in words: median, spread, measured."""
+    measured, median, low, high = _shown(item)
     unit = unit_after(item.unit)
-    return (
-        f"{item.name}: {_shown(item.median)}{unit} ({_shown(low)} to {_shown(high)}); measured "
-        f"{_shown(item.measured)}{unit}"
-    )
+    return f"{item.name}: {median}{unit} ({low} to {high}); measured {measured}{unit}"
 
 
-def _shown(value: float) -> str:
-    """Write a number; infinity is never."""
+def _shown(item: PredictedQuantity) -> tuple[str, str, str, str]:
+    """Return measured value, median and both ends of the spread; infinity is never.
+
+    A value that lies outside has as many digits as are needed to see it.
+    """
+    low, high = item.spread
+    values = (item.measured, item.median, low, high)
+    texts = [_written(value, _LEAST_DIGITS) for value in values]
+    inside = item.contains(item.measured)
+    for digits in range(_LEAST_DIGITS + 1, _MOST_DIGITS + 1):
+        if inside or texts[0] not in texts[2:]:
+            break
+        texts = [_written(value, digits) for value in values]
+    measured, median, least, largest = texts
+    return measured, median, least, largest
+
+
+def _written(value: float, digits: int) -> str:
+    """Write a number with some digits."""
     if math.isinf(value):
         return "never"
-    return number(value)
+    if digits == _LEAST_DIGITS:
+        return number(value)
+    return f"{value:.{digits}g}"
 
 
 def _headed(item: PredictedQuantity) -> str:
@@ -141,15 +168,15 @@ def quantities_table(complete: Prediction) -> Table:
     rows = []
     styles = []
     for item in complete.quantities:
-        low, high = item.spread
+        measured, median, low, high = _shown(item)
         inside = item.contains(item.measured)
         styles.append("red" if item.required and not inside else "")
         rows.append(
             (
                 _headed(item),
-                _shown(item.measured),
-                _shown(item.median),
-                f"{_shown(low)} to {_shown(high)}",
+                measured,
+                median,
+                f"{low} to {high}",
                 "" if inside else "outside",
                 "" if item.required else "not required",
             )

@@ -18,8 +18,14 @@ from grosmc_mj.experiments.requirements.accumulator import _noting_rows
 from grosmc_mj.ground.errors import ArgumentError, SetupError
 from grosmc_mj.identify import predict as predictions
 from grosmc_mj.identify.law_on_log import LawOnLog, law_on_log
-from grosmc_mj.identify.predict import Prediction, PredictionQuestion, predict, question_of
-from grosmc_mj.identify.predict_report import prediction_result
+from grosmc_mj.identify.predict import (
+    PredictedQuantity,
+    Prediction,
+    PredictionQuestion,
+    predict,
+    question_of,
+)
+from grosmc_mj.identify.predict_report import prediction_result, quantities_table
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.output.results.document import json_text
 from grosmc_mj.simulation.loop import Loop
@@ -86,6 +92,30 @@ def found(machine: Experiment, log: Log) -> LawOnLog:
     applied = machine.applied_loop("physics", "lqr")
     assert applied is not None
     return law_on_log(applied, log, np.array(machine.x0), FREE)
+
+
+# -- the log of a prediction ----------------------------------------------------------------------
+
+
+def variation(rows: np.ndarray) -> float:
+    """Sum of the steps of an input."""
+    return float(np.abs(np.diff(rows, axis=0)).sum())
+
+
+@pytest.mark.parametrize("rows", [0, 1])
+def test_a_jump_from_rest_is_in_both_logs_or_in_none(machine: Experiment, rows: int) -> None:
+    """A command that stands beside its states, or a row later, with the delay of the computer."""
+    assert machine.loop is not None
+    exact = machine.changed(loop=Loop(machine.loop.computing).completed(SYSTEM))
+    log = log_of(exact)
+    late = np.vstack([np.zeros((rows, 1)), log.inputs])[: len(log.time)]
+    question = question_of(exact, "lqr", replace(log, inputs=late), log)
+    assert question.law_on_log is not None
+    assert question.law_on_log.rows == rows
+    prediction = predict(question, 1)
+    measured = variation(question.log.inputs)
+    # The jump is 1 A; the noise that the differences of a log seem to have gives 0.15 A.
+    assert variation(prediction.logs[0].inputs) == pytest.approx(measured, abs=0.2)
 
 
 # -- the law on logged states ----------------------------------------------------------------------
@@ -239,6 +269,23 @@ def test_a_run_of_a_log_begins_at_zero_with_the_samples_of_its_time() -> None:
     assert part.inputs[:, 0] == pytest.approx(4.2 + 0.1 * np.arange(16))
     assert part.states["rotor angle"] == pytest.approx(8.4 + 0.2 * np.arange(16))
     assert part.pieces == [slice(0, 16)]
+
+
+def test_a_value_outside_has_the_digits_that_tell_it_from_the_spread(
+    question: PredictionQuestion,
+) -> None:
+    """The first number has no spread, and so the second one is the headline."""
+    constant = PredictedQuantity("rest", "rest", "1", True, 4.4e-3, np.full(2, 4.401e-3))
+    angle = PredictedQuantity("angle", "angle", "rad", True, 3.1421, np.array([3.13, 3.1416]))
+    inside = PredictedQuantity("time", "time", "s", True, 1.0, np.array([0.9, 1.1]))
+    complete = replace(predict(question, 2), quantities=[constant, angle, inside])
+
+    rows = {row[0]: row[1:4] for row in quantities_table(complete).rows}
+    assert rows["angle [rad]"] == ["3.1421", "3.1358", "3.13 to 3.1416"]
+    assert rows["rest"] == ["0.0044", "0.004401", "0.004401 to 0.004401"]
+    assert rows["time [s]"] == ["1", "1", "0.9 to 1.1"]
+    words = prediction_result(question, complete, {}).answers[-1].words
+    assert words.startswith("Predicted: angle: 3.1358 rad (3.13 to 3.1416); measured 3.1421 rad;")
 
 
 def test_without_its_friction_the_machine_is_another_one(question: PredictionQuestion) -> None:
