@@ -170,10 +170,23 @@ class _Lines:
         self._last_line = now
 
         count = f"{self._done} of {self._total} {self._unit}".rstrip()
-        line = f"{count} in {now - self._start:.0f} s"
+        elapsed = now - self._start
+        line = f"{count} in {elapsed:.0f} s"
+        if elapsed >= 1 and 0 < self._done < self._total:
+            left = elapsed * (self._total - self._done) / self._done
+            line += f", about {_duration(left)} left"
         if text.strip():
             line += f": {' '.join(text.split())}"
         self._console.print(line, soft_wrap=True, markup=False, highlight=False)
+
+
+def _duration(seconds: float) -> str:
+    """A rough duration in words."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    if seconds < 6000:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.0f} h"
 
 
 class _Bar:

@@ -19,6 +19,7 @@ from grosmc_mj.ground.errors import ArgumentError, GrosmcError
 from grosmc_mj.simulation.loop import Loop
 from grosmc_mj.theory.control.controller import Controller
 
+NOMINAL = "nominal"
 UNDER_LOAD = "under load"
 # Cases of a system: in a loop of equipment that one can buy, and with a machine of it, too.
 BENCH = "bench"
@@ -85,6 +86,13 @@ class Condition:
     experiment: Experiment
 
 
+def under(condition: str) -> str:
+    """Return the words for the name of a condition behind others, with a space before them."""
+    if condition == NOMINAL:
+        return ""
+    return f" {condition}" if condition == UNDER_LOAD else f" under {condition}"
+
+
 def case_for(target: str, name: str) -> Experiment:
     """Return the case of a target that a study is about: of a system the named one, or its first.
 
@@ -122,7 +130,7 @@ def conditions_of(experiment: Experiment) -> list[Condition]:
     nominal = experiment.nominal
     calm = replace(experiment, nominal=replace(nominal, scales=()))
     calm = calm.changed(edits=(), disturbances=())
-    conditions = [Condition("nominal", "the nominal plant", calm)]
+    conditions = [Condition(NOMINAL, "the nominal plant", calm)]
     if case.edits or case.disturbances or nominal.scales:
         conditions.append(Condition(UNDER_LOAD, case.title, experiment))
         return conditions

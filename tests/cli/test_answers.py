@@ -326,3 +326,18 @@ def test_without_a_terminal_progress_is_a_line_at_intervals(
         advance("one  of them ")
         advance(by=2)
     assert capsys.readouterr().err.splitlines() == lines
+
+
+@pytest.mark.parametrize(("seconds", "left"), [(2.0, "78 s"), (30.0, "20 min"), (600.0, "7 h")])
+def test_without_a_terminal_progress_says_how_long_the_rest_takes(
+    seconds: float, left: str, capsys: Screen, monkeypatch: Patch
+) -> None:
+    """One step of 40 has taken so long."""
+    clock = iter([0.0, seconds])
+    monkeypatch.setattr(screen.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(screen, "LINE_EVERY", 0.0)
+    with screen.progress(40, "runs") as advance:
+        advance()
+    assert capsys.readouterr().err.splitlines() == [
+        f"1 of 40 runs in {seconds:.0f} s, about {left} left"
+    ]

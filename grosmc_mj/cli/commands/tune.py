@@ -25,8 +25,9 @@ class TuneCommand(SearchStudyCommand["TuneStudy", "TunedLaw"]):
 
     Each law's numbers are searched in its loop and on its machine as built: designs by the hundred,
     each run under all conditions (nominal and its edits and disturbances, or else those of the
-    system's case1 and case2) and in several draws of what is random. What counts is the worst share
-    of the tightest limit; the search ends at half of each limit, or when its runs are spent. The
+    system's case1 and case2) and in several draws of what is random. Designs are
+    ordered by what they exceed under all conditions together, and where all is kept by the share of
+    the tightest limit; the search ends at half of each limit, or when its runs are spent. The
     numbers found are judged on other draws.
 
     Writes tune_NAME.json, .png and .svg to --out, each finished batch of runs to the folder

@@ -33,6 +33,7 @@ from grosmc_mj.studies.disturbance.row import ENDED
 from grosmc_mj.studies.margins.changes import DELAY, GAIN_DOWN, GAIN_UP
 from grosmc_mj.studies.matrix import conditions_document, verdict_chart
 from grosmc_mj.studies.sweep.pass_rates import pass_rate
+from grosmc_mj.studies.target import under
 from grosmc_mj.studies.tune.row import AS_IN_FILE, TUNED
 
 LEGEND = (
@@ -230,9 +231,9 @@ def _standing_words(verdicts: Sequence[Verdict]) -> str:
     """The worst verdict on a law in words."""
     worst = worst_of(verdicts)
     if not worst.tightest:
-        return f"{described(worst).words} under {worst.condition}"
+        return f"{described(worst).words}{under(worst.condition)}"
     share = "never" if math.isinf(worst.share) else number(worst.share)
-    return f"{share} of {worst.tightest.replace('_', ' ')} under {worst.condition}"
+    return f"{share} of {worst.tightest.replace('_', ' ')}{under(worst.condition)}"
 
 
 def _remarks(study: ContestStudy) -> list[str]:

@@ -26,7 +26,7 @@ from grosmc_mj.studies.matrix import (
     law_document,
     verdict_table,
 )
-from grosmc_mj.studies.target import StudiedLaw
+from grosmc_mj.studies.target import StudiedLaw, under
 from grosmc_mj.studies.tolerance.imperfections import ALL, Imperfection
 from grosmc_mj.studies.tolerance.search import FINER, PER_OCTAVE, RESOLUTION
 from grosmc_mj.studies.tolerance.tolerance import ToleranceStudy
@@ -94,12 +94,9 @@ def verdict(rows: Sequence[Verdict], kinds: Kinds) -> str:
     kept = "only without it"
     if worst.largest_kept and not only_without(worst, kind):
         kept = f"up to {_beside_bench(kind, worst.largest_kept)}"
-    where = ""
-    if worst.condition != "nominal":
-        where = f" under {worst.condition}"
     return (
-        f"{worst.law} breaks first, by {kind.name}{where}: all is kept {kept}; the "
-        f"first failure found is at {_beside_bench(kind, weakness(worst))}: {reason(worst)}."
+        f"{worst.law} breaks first, by {kind.name}{under(worst.condition)}: all is kept {kept}; "
+        f"the first failure found is at {_beside_bench(kind, weakness(worst))}: {reason(worst)}."
     )
 
 

@@ -26,6 +26,7 @@ from grosmc_mj.output.results.result import (
 from grosmc_mj.output.results.tables import Table, number, numbers, table, words
 from grosmc_mj.output.results.verdicts import Verdict, standings, values_of, worst_failed, worst_of
 from grosmc_mj.studies.matrix import conditions_document
+from grosmc_mj.studies.target import under
 from grosmc_mj.studies.tune.row import TUNED, TunedLaw, TunedNumberRow
 from grosmc_mj.studies.tune.shares import TriedDesign
 from grosmc_mj.studies.tune.tune import TuneStudy
@@ -47,8 +48,7 @@ class Binding(NamedTuple):
     @property
     def words(self) -> str:
         """The requirement with its condition."""
-        name = self.requirement.replace("_", " ")
-        return name if self.condition == "nominal" else f"{name} under {self.condition}"
+        return f"{self.requirement.replace('_', ' ')}{under(self.condition)}"
 
 
 class Conflict(NamedTuple):
@@ -227,20 +227,23 @@ def charts(row: TunedLaw) -> list[LineChart]:
 
 
 def _over_search(row: TunedLaw) -> LineChart:
-    """Share of each requirement at the best design so far, over the designs tried."""
+    """Share of each requirement at the best design so far, under the worst condition."""
     lines: dict[str, tuple[list[float], list[float | None]]] = {}
     best = math.inf
     for index, design in enumerate(row.designs):
         if not design.complete or design.value >= best:
             continue
         best = design.value
-        for (condition, requirement), share in shares_of(design).items():
-            x, y = lines.setdefault(Binding(condition, requirement, share).words, ([], []))
+        worst: dict[str, float] = {}
+        for (_, requirement), share in shares_of(design).items():
+            worst[requirement] = max(worst.get(requirement, 0.0), share)
+        for requirement, share in worst.items():
+            x, y = lines.setdefault(requirement.replace("_", " "), ([], []))
             x.append(float(index + 1))
             y.append(finite(share))
     return LineChart(
         name=f"{row.law}: best so far",
-        titles=("designs tried", "share of the limit"),
+        titles=("designs tried", "share of the limit, worst condition"),
         lines=[Series(name=name, x=x, y=y) for name, (x, y) in lines.items()],
         limit=1.0,
     )
