@@ -328,7 +328,7 @@ def test_without_a_terminal_progress_is_a_line_at_intervals(
     assert capsys.readouterr().err.splitlines() == lines
 
 
-@pytest.mark.parametrize(("seconds", "left"), [(2.0, "78 s"), (30.0, "20 min"), (600.0, "7 h")])
+@pytest.mark.parametrize(("seconds", "left"), [(2.0, "78 s"), (30.0, "20 min"), (1000.0, "11 h")])
 def test_without_a_terminal_progress_says_how_long_the_rest_takes(
     seconds: float, left: str, capsys: Screen, monkeypatch: Patch
 ) -> None:
