@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tomli_w
 
 from grosmc_mj.experiments.file.content import read_content
+from grosmc_mj.experiments.file.text import text_of
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.ground.errors import ModelError
 from grosmc_mj.ground.files import atomic_write
@@ -64,7 +64,7 @@ def case_text(fit: Fit, log: str, path: Path) -> str:
         *_correlation_tables(fit),
     ]
 
-    return f"# Written by grosmc-mj identify from {log}.\n{tomli_w.dumps(content)}"
+    return f"# Written by grosmc-mj identify from {log}.\n{text_of(content)}"
 
 
 def _plant_table(fit: Fit, declared: Mapping[str, Any], path: Path) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import json
 import math
 import re
 import shutil
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -20,7 +21,7 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file import schema, shipped
 from grosmc_mj.experiments.file.parts import MACHINE_PARTS, PART_KINDS
 from grosmc_mj.experiments.file.reading import parse_case_file, read_case_file
-from grosmc_mj.experiments.file.text import complete_text
+from grosmc_mj.experiments.file.text import complete_text, text_of
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.ground.errors import ArgumentError
@@ -413,3 +414,19 @@ def test_a_folder_called_like_a_system_is_not_looked_into(tmp_path: Path) -> Non
     (tmp_path / "servo").mkdir()
     (tmp_path / "servo" / "machine.toml").write_text("[run]\nduration = 1.0\n", encoding="utf-8")
     assert of_case(tmp_path, "servo/machine").parts
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        ([1, 2.5], "k = [1, 2.5]"),
+        (["0 N m", "a, b"], 'k = ["0 N m", "a, b"]'),
+        ([[1, 2], [3]], "k = [\n    [\n        1,\n        2,\n    ],"),
+        (["x" * 60, "y" * 60], f'k = [\n    "{"x" * 60}",\n    "{"y" * 60}",\n]'),
+    ],
+    ids=["numbers", "texts", "lists of lists", "long"],
+)
+def test_short_lists_are_written_in_one_line(value: list[object], text: str):
+    written = text_of({"k": value})
+    assert written.startswith(text)
+    assert tomllib.loads(written) == {"k": value}

@@ -1,13 +1,33 @@
-"""One text of a case file and the files that it takes from, with their comments."""
+"""Texts of case files: one with all that a file takes from others, and of written content."""
 
 from __future__ import annotations
 
+import re
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import tomli_w
 
 from grosmc_mj.experiments.file.content import EXTENDS, layers_of, read_content, read_text
+
+# A list of plain values over several lines, and what separates them.
+_LIST = re.compile(r"\[\n((?: +[^\[\]{}\n]+,\n)+)\]")
+_SEPARATOR = re.compile(r",\n *")
+# Longest list that is written in one line.
+_WIDTH = 80
+
+
+def text_of(content: Mapping[str, Any]) -> str:
+    """Return the text of content that a program has made, with short lists in one line."""
+    return _LIST.sub(_in_one_line, tomli_w.dumps(content))
+
+
+def _in_one_line(match: re.Match[str]) -> str:
+    """A list in one line; as it is if that is too long."""
+    values = _SEPARATOR.sub(", ", match[1].strip().removesuffix(","))
+    return f"[{values}]" if len(values) <= _WIDTH else match[0]
 
 
 def complete_text(path: Path) -> str:
@@ -29,7 +49,7 @@ def complete_text(path: Path) -> str:
     # A table that stands in two of the texts is no valid TOML.
     except ValueError:
         pass
-    return tomli_w.dumps(content)
+    return text_of(content)
 
 
 def _joined(text: str, base: str) -> str:

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tomli_w
 
 from grosmc_mj.experiments.file.content import Content, read_content
 from grosmc_mj.experiments.file.parts import LOOP_PARTS
+from grosmc_mj.experiments.file.text import text_of
 from grosmc_mj.experiments.number import written
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.ground.arguments import require_known
@@ -184,7 +184,7 @@ def case_text(campaign: Campaign, plant: ChosenPlant, base: Path | None = None) 
     if base is not None:
         changes = _changes(content, read_content(base))
         content = {"extends": base.name, **changes}
-    return _comment(campaign, plant) + tomli_w.dumps(content)
+    return _comment(campaign, plant) + text_of(content)
 
 
 def _comment(campaign: Campaign, plant: ChosenPlant) -> str:

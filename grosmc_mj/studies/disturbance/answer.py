@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tomli_w
 
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.content import read_content
 from grosmc_mj.experiments.file.shipped import shipped_files
+from grosmc_mj.experiments.file.text import text_of
 from grosmc_mj.experiments.file.user_code import is_named, named_in
 from grosmc_mj.experiments.films import film_of
 from grosmc_mj.experiments.number import written
@@ -315,7 +315,7 @@ def case_text(study: DisturbanceStudy, worst: WorstDisturbance) -> str:
         tables.pop(disturbance.replaced_index)
     tables.append(_disturbance_table(disturbance, case.disturbances[-1]))
     share = f"{worst.share!r} of {worst.words}"
-    return f"# {title} under {worst.law}: {share}.\n{tomli_w.dumps(content)}"
+    return f"# {title} under {worst.law}: {share}.\n{text_of(content)}"
 
 
 def _title(study: DisturbanceStudy) -> str:

@@ -7,12 +7,11 @@ from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 
-import tomli_w
-
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.content import Content
 from grosmc_mj.experiments.file.reading import case_file_of
 from grosmc_mj.experiments.file.shipped import CASES, shipped_files
+from grosmc_mj.experiments.file.text import text_of
 from grosmc_mj.experiments.requirement_tables import kinds_in
 from grosmc_mj.studies.tune.numbers import TunableLaw
 
@@ -57,7 +56,7 @@ def case_text(
     if experiment.file.content.get("claim"):
         content["claim"] = []
     lines = [f"# {line}.\n" for line in comments]
-    return "".join(lines) + tomli_w.dumps(content)
+    return "".join(lines) + text_of(content)
 
 
 def with_requirements_of(experiment: Experiment, case: Experiment, law: TunableLaw) -> Experiment:
