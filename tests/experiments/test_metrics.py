@@ -137,6 +137,14 @@ def test_an_error_that_leaves_its_band_late_does_not_settle(error, sign) -> None
     assert run_of_error(sign * error).metrics["settling_time"] == (None, "s", "not reached")
 
 
+def test_runs_that_never_settle_are_ordered_by_the_error_that_is_left() -> None:
+    """Of a transient of 6 s the last tenth tells: 1 - 6/4 - left/band, for the start is nearer."""
+    settles = limit("settles_within", 4.0, band=0.5)
+    metrics = {settles.metric: np.array([5.41, 5.39, 5.41]), "left": np.array([0.1, 0.1, 2.0])}
+    order = settles.order_share(np.full(3, -0.35), metrics, np.full(3, 6.0), 0.2)
+    assert order.tolist() == pytest.approx([-0.5 - 0.2, -0.35, -0.5 - 4.0])
+
+
 @pytest.mark.parametrize("sign", [1, -1])
 def test_an_overshoot_is_beyond_zero_in_percent_of_the_initial_error(sign) -> None:
     error = sign * np.array([2.0, 3.0, -0.5, 0.125])

@@ -39,9 +39,9 @@ from grosmc_mj.identify.fit import Fit, fit, slip
 from grosmc_mj.identify.hidden import HiddenParameter, hidden_parameter
 from grosmc_mj.identify.model import LogModel, models_of
 from grosmc_mj.identify.parameters import parameters_of
-from grosmc_mj.identify.quality import quality, residuals
+from grosmc_mj.identify.quality import Quality, quality, residuals
 from grosmc_mj.identify.replay import Predictor
-from grosmc_mj.identify.report import _values_row
+from grosmc_mj.identify.report import _prediction_words, _values_row
 from grosmc_mj.identify.residual import Residual, rescaled, residual_of
 from grosmc_mj.identify.slips import likely_slip, unexplained_share
 from grosmc_mj.simulation.loop import Computing, Loop, Sensor
@@ -483,6 +483,31 @@ def test_a_value_is_at_the_end_of_its_range_by_its_interval(
     quantity: Any = SimpleNamespace(name="damping", unit="", nominal=0.1, distribution=support)
     note = _values_row(quantity, value, half)[-1]
     assert note.startswith("at the end of its range") is at_end
+
+
+def test_an_interval_is_the_value_and_its_half_width_on_either_side_in_four_digits() -> None:
+    support = SimpleNamespace(support=(0.5, 30.0))
+    quantity: Any = SimpleNamespace(name="m", unit="kg", nominal=1.23456, distribution=support)
+    assert _values_row(quantity, 2.345678, 0.0123456) == (
+        *("m", "2.346", "2.333 to 2.358", "kg", "1.235", ""),
+    )
+    assert _values_row(quantity, 2.345678, None)[1:3] == ("2.346", "-")
+
+
+def test_the_worst_prediction_is_that_of_the_most_steps_of_its_sensor() -> None:
+    """0.03 rad are 15 steps, 0.4 rad/s are 8."""
+    rows = [
+        Quality("angle", "rad", 0.0, 1.0, 2e-3, moves=True, diverges=False, white=True),
+        Quality("rate", "rad/s", 0.0, 1.0, 50e-3, moves=True, diverges=False, white=True),
+    ]
+    predicted = [
+        PredictionError("physics", "angle", "rad", [0.1, 2.0], [4e-3, 30e-3]),
+        PredictionError("physics", "rate", "rad/s", [0.1, 2.0], [0.3, 0.4]),
+    ]
+    assert _prediction_words(rows, predicted) == (
+        "angle of the held-out part predicted to 4.0e-3 rad after 0.1 s and 0.03 rad after 2 s "
+        "(2 and 15 steps of its sensor)"
+    )
 
 
 def with_gaps(log: Log, every: float) -> Log:

@@ -155,6 +155,30 @@ def test_another_law_differs_from_its_first_command_on(machine: Experiment) -> N
     assert finding.logged == pytest.approx(1.1 * finding.asked)
 
 
+@pytest.mark.parametrize(
+    ("finding", "words"),
+    [
+        (LawOnLog(0, 2.04e-7, "A"), "reproduces the logged command to 2.0e-07 A"),
+        (
+            LawOnLog(1, 2.06e-7, "A"),
+            "reproduces the logged command to 2.1e-07 A, 1 row after its states",
+        ),
+        (
+            LawOnLog(3, 0.0, "1"),
+            "reproduces the logged command to 0.0e+00, 3 rows after its states",
+        ),
+        (
+            LawOnLog(3, 0.5, "A", first=1.25, asked=2.5, logged=2.75),
+            "differs from the logged command by up to 0.5 A, first at 1.25 s: 2.5, logged 2.75 A",
+        ),
+    ],
+)
+def test_the_finding_says_how_near_the_commands_are_and_how_late(
+    finding: LawOnLog, words: str
+) -> None:
+    assert finding.words == words
+
+
 def test_a_rate_that_is_not_logged_is_differenced_as_in_the_loop(machine: Experiment) -> None:
     loop = machine.loop
     assert loop is not None

@@ -27,7 +27,15 @@ from grosmc_mj.output.palette import COLOURS, FAILED, INK, KEPT, LABELS, Stroke,
 from grosmc_mj.output.results import tables
 from grosmc_mj.output.results.document import json_text, write_json
 from grosmc_mj.output.results.result import CellChart, LineChart, Series
-from grosmc_mj.output.results.tables import names, numbers, prefixed, table, text, words
+from grosmc_mj.output.results.tables import (
+    details,
+    names,
+    numbers,
+    prefixed,
+    table,
+    text,
+    words,
+)
 
 # Documents.
 
@@ -172,6 +180,38 @@ def test_a_small_number_has_a_unit_with_a_prefix(
     unit: str, value: float, expected: tuple[str, float]
 ) -> None:
     assert prefixed(unit, value) == expected
+
+
+# Brief tables.
+
+EIGHT = table(
+    "",
+    [*words("name"), *details(numbers("detail")), *numbers("size")],
+    [(f"row {i}", "9", str(i)) for i in range(8)],
+    legend="The legend.",
+)
+
+
+@pytest.mark.parametrize(
+    ("most", "shown", "legend"),
+    [(3, 3, "... and 5 more: --verbose has them"), (7, 7, "... and 1 more: --verbose has them")],
+)
+def test_a_brief_table_says_how_many_rows_it_hides(most: int, shown: int, legend: str) -> None:
+    brief = EIGHT.brief(most)
+    assert brief.legend == legend
+    assert brief.rows == [[f"row {i}", str(i)] for i in range(shown)]
+    assert [column.header for column in brief.columns] == ["name", "size"]
+
+
+@pytest.mark.parametrize(
+    ("width", "legend"), [(42, ""), (43, "No room for: c d; --verbose has all.")]
+)
+def test_a_column_beyond_the_width_of_100_is_named(width: int, legend: str) -> None:
+    """Each column takes 2 more."""
+    columns = [*words("a"), *numbers("b", "c\nd")]
+    brief = table("", columns, [("x" * width, "1" * 42, "2" * 10)]).brief(1)
+    assert brief.legend == legend
+    assert len(brief.rows[0]) == (2 if legend else 3)
 
 
 # Names and formulas.

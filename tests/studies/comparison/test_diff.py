@@ -88,6 +88,20 @@ def effects(tmp_path: Path, old: dict[str, Any], new: dict[str, Any]) -> dict[st
     return {change.name.removeprefix("x: "): change.effect for change in comparison.changes}
 
 
+def test_changes_come_by_their_effect_and_of_one_effect_by_their_relative_size() -> None:
+    """That of 100 by 50 is smaller than that of 2 by 1.5; what is gone has no size."""
+    ordered = [
+        Change("run", "gone", 2.0, None, WORSE),
+        Change("run", "z", 2.0, 0.5, WORSE),
+        Change("run", "a", -100.0, -150.0, WORSE),
+        Change("run", "b", 1.0, 9.0, BETTER),
+        Change("run", "c", 1.0, 9.0, UNJUDGED),
+        Change("run", "d", 1.0, 9.0, NOISE),
+    ]
+    mixed = [ordered[i] for i in (5, 2, 0, 4, 1, 3)]
+    assert sorted(mixed, key=lambda change: change.order) == ordered
+
+
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [

@@ -20,6 +20,7 @@ from grosmc_mj.output.palette import INK
 from grosmc_mj.output.results.result import Result
 from grosmc_mj.output.results.verdicts import Verdict
 from grosmc_mj.simulation.loop import Loop
+from grosmc_mj.studies.margins import answer as answers
 from grosmc_mj.studies.margins import figure as margins_figure
 from grosmc_mj.studies.margins import row as rows_of_laws
 from grosmc_mj.studies.margins.answer import margin_table, notes, verdict
@@ -227,21 +228,56 @@ def test_trusted_amplitudes_that_disagree_by_more_than_their_errors_are_named(
 
 # Margins that differ from each other, and their errors.
 SHOWN = Margins(0.25, 4.5, 61.5, 0.0125, 0.75, 0.625, 3.25, 1.75)
-ERRORS = Margins(0.0, 0.3, 0.2, 0.0005, 0.0, 0.02, 0.0, 0.0)
+ERRORS = Margins(0.0, 0.3, 0.4, 0.0005, 0.0, 0.003, 0.0, 0.0)
 
 
 def test_the_table_shows_delay_phase_disk_and_bandwidth_with_errors_beyond_half_a_percent() -> None:
-    """Of 61.5 deg half a percent is 0.31 deg."""
+    """Of a disk margin of 0.625 half a percent is 0.0031."""
     shown = level(0).model_copy(update={"margins": SHOWN, "errors": ERRORS})
     law = LawMargins(setup="servo/bench", law="lqr", levels=[shown] * len(LEVELS))
     table = margin_table(servo().setups[1], [law])
-    assert table.rows[0][4:] == ["12.5±0.5", "61.5", "0.625±0.02", "1.75"]
+    assert table.rows[0][4:] == ["12.5±0.5", "61.5±0.4", "0.625", "1.75"]
     assert [column.header for column in table.columns[4:]] == [
         "delay by\nS [ms]",
         "phase\n[°]",
         "disk",
         "bandwidth\n[Hz]",
     ]
+
+
+def test_the_table_of_amplitudes_has_each_margin_under_its_name() -> None:
+    shown = level(0).model_copy(update={"margins": SHOWN, "errors": ERRORS})
+    law = LawMargins(setup="servo/bench", law="lqr", levels=[shown])
+    table = answers._level_table(servo().setups[1], [law])
+    headers = [column.header for column in table.columns]
+    assert dict(zip(headers, table.rows[0], strict=True)) == {
+        "law": "lqr",
+        "injected at": "current",
+        "rms": "0.01 A",
+        "gain down": "0.25",
+        "gain up": "4.5±0.3",
+        "phase [°]": "61.5±0.4",
+        "delay [s]": "0.0125±0.0005",
+        "modulus": "0.75",
+        "disk": "0.625",
+        "crossover [Hz]": "3.25",
+        "bandwidth [Hz]": "1.75",
+        "not trustworthy, because": "",
+    }
+
+
+def test_the_answer_names_the_laws_with_the_least_and_the_most_delay_of_the_last_setup() -> None:
+    """Of each law the condition with the least delay counts."""
+    delays = {"quick": (2.5e-3, 0.3), "middle": (9e-3, 8e-3), "slow": (0.5, 40e-3)}
+    rows = [row("first", "-----").model_copy(update={"setup": "servo/bench, ideal loop"})]
+    for law, kept in delays.items():
+        task = [Verdict(law=law, step=DELAY, largest_kept=delay) for delay in kept]
+        rows.append(row(law, "-----", task=task))
+    rows.append(row("failing", "-----"))
+    assert verdict(rows) == (
+        "Without any change failing: not kept. servo/bench: quick tolerates 2.5 ms more delay, "
+        "slow 40 ms."
+    )
 
 
 def test_a_law_without_a_trusted_amplitude_is_said_to_have_none() -> None:

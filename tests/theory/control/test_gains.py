@@ -164,6 +164,20 @@ def test_the_lightest_pole_at_the_edge_of_the_region_needs_the_largest_gamma0() 
     )
 
 
+def test_disturbances_that_push_opposite_ways_may_act_against_each_other() -> None:
+    """A force on the cart turns the pole back, a torque of the pole's own turns it on: |a| + |b|.
+
+    The force counts as the input's own, the torque as in the test above.
+    """
+    p: Any = nominal("cart_pendulum").parameters
+    wrench = (0.7, *(0.0,) * 9, 0.3, 0.0)
+    declared = Uncertainty({}, wrench, region=(0.5, 1.0), reaching_rate=0.2)
+    expected = 0.7 + 0.3 * (p.M + p.m) / (p.m * p.L * math.cos(0.5))
+    assert gains_of(error_of("cart_pendulum"), declared).gamma0 == pytest.approx(
+        expected, rel=1e-12
+    )
+
+
 def test_mismatch_that_is_there_at_rest_is_covered_by_a_constant() -> None:
     """An arm held at 0.3 rad with up to twice its payload: m g l cos q is not all cancelled.
 
