@@ -15,12 +15,15 @@ from grosmc_mj.chapter import expected_results as expected
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.experiments.requirements import KINDS
+from grosmc_mj.experiments.requirements.accumulator import Rows, replay
 from grosmc_mj.experiments.requirements.judging import judge_run
+from grosmc_mj.experiments.requirements.measurement import Measurement
 from grosmc_mj.experiments.requirements.metrics import Metric
 from grosmc_mj.experiments.requirements.optimum import Comparison, compare_with_optimum
 from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.experiments.requirements.run_metrics import (
     cost_shares,
+    metrics_of,
     metrics_of_rows,
     rows_of,
     usual_metrics,
@@ -241,6 +244,17 @@ SLIDING = replace(CLIPPED, sliding=np.column_stack([0.3 * WAVE, 0.1 * np.ones(10
 
 def test_a_largest_input_is_of_both_signs() -> None:
     assert measured(SLIDING)["max_input"] == (1.0, "A", "")
+
+
+def test_an_input_is_measured_within_limits_that_differ_on_both_sides() -> None:
+    """Of -2, 2.5 and 5 A the plant gets -1, 2.5 and 3 A: changes of 3.5 and 0.5 A in 3 ms."""
+    limits = np.array([[-1.0], [3.0]])
+    measurement = Measurement(LQR, H, 3 * H, input_limits=limits)
+    u = np.array([[-2.0], [2.5], [5.0]])
+    rows = Rows(TIME[:4], np.zeros((4, 2)), np.zeros((4, 2)), u, u, np.zeros((3, 0)))
+    metrics = metrics_of([measurement], replay(rows, measurement.constants))
+    assert metrics["max_input"].tolist() == [3.0]
+    assert metrics["total_variation"] == pytest.approx([4.0 / (3 * H)])
 
 
 def test_the_rms_error_of_a_sine_is_its_amplitude_over_the_root_of_two() -> None:

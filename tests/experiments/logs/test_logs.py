@@ -192,3 +192,38 @@ def test_a_damaged_matlab_file_is_one_line(tmp_path: Path, content: bytes) -> No
     path.write_bytes(content)
     with pytest.raises(ArgumentError, match=r"log\.mat: (cannot be read|has 0 rows)"):
         read_log(path, SERVO, None)
+
+
+# Sensors
+
+
+def measured(values: Array) -> Log:
+    """A log of an angle with these values."""
+    time = np.arange(len(values)) * SAMPLING
+    return Log("log", time, 0 * time[:, None], {"angle": values}, [slice(0, len(values))])
+
+
+def test_the_noise_of_a_moving_state_is_its_deviation_about_the_motion() -> None:
+    """A parabola has no third differences; those of white noise have 20 times its variance."""
+    t = np.linspace(0, 3, 20_000)
+    noise = 0.03 * np.random.default_rng(1).standard_normal(len(t))
+    log = measured(5 - 2 * t + 0.7 * t**2 + noise)
+    assert log.noise("angle") == pytest.approx(0.03, rel=0.02)
+    assert log.resolution("angle") == 0.0
+    assert log.deviation("angle") == log.noise("angle")
+
+
+def test_an_encoder_has_its_step_and_at_least_the_deviation_of_rounding() -> None:
+    """On a slow way it repeats its values, and third differences show less than q/sqrt(12)."""
+    log = measured(0.04 * np.round(np.linspace(0, 3, 20_000) ** 2))
+    assert log.resolution("angle") == pytest.approx(0.04)
+    assert log.noise("angle") < 0.04 / np.sqrt(12)
+    assert log.deviation("angle") == pytest.approx(0.04 / np.sqrt(12))
+
+
+def test_an_encoder_on_a_long_way_has_the_common_step_of_its_values() -> None:
+    """It moves by up to 6 steps a sample, and nearly no value is there twice."""
+    values = 0.02 * np.round(0.008 * np.arange(400) ** 2)
+    log = measured(values)
+    assert len(np.unique(values)) > 340
+    assert log.resolution("angle") == pytest.approx(0.02)

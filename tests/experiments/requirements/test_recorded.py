@@ -9,8 +9,10 @@ import pytest
 from case_texts import load
 
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.requirements.conditions import Conditions
 from grosmc_mj.experiments.requirements.judging import judge_run, unfailing
 from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.simulation.loop import Actuator
 from grosmc_mj.studies.sweep.runs import Row, run_rows
 
 # The servo under LQR with an input of 0.2 A at most, pushed twice.
@@ -217,6 +219,15 @@ def test_an_actuator_is_at_its_limit_where_what_it_gives_is(tmp_path, gain, at_l
     assert bool(result.cut.any()) is at_limit
     (judgement,) = [judge_run(limit, result) for limit in experiment.limits]
     assert (judgement.measured > 0) is at_limit  # pyright: ignore[reportOptionalOperand]
+
+
+def test_each_input_is_at_a_limit_of_its_own_side_by_what_its_actuator_would_give() -> None:
+    """Input 0 gives twice its command from -1 to 3 A, input 1 its command from -5 to 2 A."""
+    limits = np.array([[-1.0, -5.0], [3.0, 2.0]])
+    conditions = Conditions([], limits, [(0, Actuator("a", gain=2.0))])
+    commands = np.array([[-0.51, 1.9], [-0.49, 2.1], [1.4, -4.9], [1.6, -5.1]])
+    expected = [[True, False], [False, True], [False, False], [True, True]]
+    assert conditions.at_limit(commands).tolist() == expected
 
 
 def test_inputs_without_a_limit_are_never_saturated(tmp_path) -> None:

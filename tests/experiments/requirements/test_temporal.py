@@ -102,6 +102,37 @@ def test_margins_equal_those_of_rtamt_at_every_instant(text, theirs, trace) -> N
     np.testing.assert_allclose(margins, of_rtamt(theirs, x, y), rtol=0, atol=1e-12)
 
 
+# Intervals in intervals, and the time after an instant that they need [s].
+HORIZONS = {
+    "eventually[2 s, 3 s] always[1 s, 5 s] x < 1": 8.0,
+    "always[0 s, 1 s] (always[2 s, 3 s] x < 1 and always[0 s, 7 s] always[1 s, 2 s] y < 1)": 10.0,
+    "not always[0 s, 2 s] (x < 1 until[1 s, 4 s] y < 1)": 6.0,
+    "always eventually[0 s, 3 s] x < 1": 3.0,
+}
+
+
+@pytest.mark.parametrize("text", HORIZONS)
+def test_a_formula_needs_the_sum_of_its_nested_intervals(text) -> None:
+    assert read_formula(text, UNITS).formula.horizon == HORIZONS[text]
+
+
+def test_margins_of_different_units_are_parts_of_the_constants_that_they_are_compared_with() -> (
+    None
+):
+    """1 - 1.5/2 = 0.25 of the angle, 1 - 300/500 = 0.4 of the current."""
+    units = {"t": "s", "angle": "rad", "current": "mA"}
+    text = "abs(angle) < 2 rad and abs(current) < 0.5 A"
+    signals = {"t": np.zeros(2), "angle": np.array([-1.5, 0]), "current": np.array([0, 300.0])}
+    specification = read_formula(text, units)
+    assert specification.formula.margins(signals, 1.0) == pytest.approx([0.25, 0.4])
+    assert (specification.unit, specification.number) == ("1", 1.0)
+
+
+def test_the_number_of_a_formula_is_the_smallest_constant_in_it() -> None:
+    specification = read_formula("x < 30 and (y > -0.5 or x > 7)", UNITS)
+    assert specification.number == 0.5
+
+
 # -- beside the other kinds ------------------------------------------------------------------------
 
 # A requirement of servo/case1, and the same one as a text.

@@ -232,8 +232,8 @@ def test_a_start_beyond_a_stop_is_refused(starts: Any) -> None:
 @pytest.mark.parametrize(
     ("speed", "changes", "refused"),
     [
-        (0.13, {}, False),
-        (-0.15, {}, True),
+        (0.139, {}, False),
+        (-0.14, {}, True),
         (0.15, {"timestep": 0.9e-3}, False),
         (-0.15, {"integrator": "Euler"}, False),
     ],
@@ -247,8 +247,21 @@ def test_bristles_are_refused_at_a_speed_that_makes_them_unstable(
     if not refused:
         plant.require_start(np.array([0.0, speed]))
         return
-    with pytest.raises(ArgumentError, match=r"0\.00093 s, a stiffness .* 9\.3e\+02, or integrator"):
+    with pytest.raises(ArgumentError, match=r"0\.00099 s, a stiffness .* 9\.9e\+02, or integrator"):
         plant.require_start(np.array([0.0, speed]))
+
+
+@pytest.mark.parametrize(("inductance", "stable"), [(0.361e-3, True), (0.357e-3, False)])
+def test_a_winding_needs_a_timestep_within_the_stability_of_runge_and_kutta(
+    inductance: float, stable: bool
+) -> None:
+    """Its lag is L/R, and RK4 is stable up to h R/L = 2.785."""
+    winding = Motor("current", constant=0.05, resistance=1.0, inductance=inductance)
+    if stable:
+        assert model(winding, integrator="RK4")
+        return
+    with pytest.raises(ModelError, match=r"0\.001 s makes unstable: take at most"):
+        model(winding, integrator="RK4")
 
 
 # Batches

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from tune_cases import LAG, write_block, write_case
 
 from grosmc_mj import Experiment
 from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.output.results.verdicts import Verdict, verdict_of
 from grosmc_mj.studies.study import CellRunner
 from grosmc_mj.studies.tune.answer import binding, conflict, shares_of
 from grosmc_mj.studies.tune.numbers import start_of
@@ -208,6 +211,31 @@ def test_a_condition_that_cannot_be_kept_is_no_reason_to_give_up_another_one():
     assert keeps_one.value == math.log(7.4)
     assert keeps_one.value < keeps_none.value
     assert keeps_none.share == pytest.approx(3.7)
+
+
+class JudgedRuns(NamedTuple):
+    """Outcomes of runs: columns by name, and the verdict on each row."""
+
+    columns: Mapping[str, np.ndarray]
+    verdicts: Sequence[Verdict]
+
+    def __getitem__(self, name: Any) -> Any:
+        return self.columns[name]
+
+    def verdict(self, row: int) -> Verdict:
+        return self.verdicts[row]
+
+
+def test_a_design_counts_by_its_worst_draw_in_any_batch():
+    """A number that mends all draws but one mends nothing."""
+    item: Any = SimpleNamespace(name="nominal")
+    design = TriedDesign(point=[0.0])
+    for used in ([9.0, 4.0, 0.9], [9.0, 0.8, 1.5]):
+        verdicts = [verdict_of({"rise": share}) for share in used]
+        outcomes: Any = JudgedRuns({"order": 1 - np.array(used)}, verdicts)
+        Measure._note(cast(Measure, None), design, item, outcomes, [1, 2])
+    assert design.tightest["nominal"] == pytest.approx(math.log(4.0))
+    assert design.shares == {"nominal": {"rise": 4.0}}
 
 
 def test_where_all_is_kept_the_worst_condition_counts():
