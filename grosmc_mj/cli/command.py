@@ -41,7 +41,7 @@ WholeNumber = Annotated[int, Parameter(metavar="N", converter=_whole_number)]
 # An option without a value: on if it is present.
 Flag = Annotated[bool, Parameter(negative=(), show_default=False)]
 Out = Annotated[Path, Parameter(metavar="DIR", group=OUTPUT)]
-Figures = Annotated[bool, Parameter(group=OUTPUT)]
+Figures = Annotated[bool, Parameter(group=OUTPUT, show_default="--figures")]
 Target = Annotated[str, Parameter(metavar=TARGET)]
 
 # Options whose default comes from the case file or from the command.

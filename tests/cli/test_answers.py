@@ -262,14 +262,49 @@ def test_the_help_of_a_campaign_begins_with_eight_options(capsys: Screen) -> Non
     assert list(found) == [
         "Arguments",
         "Options",
-        "Search",
-        "Sampling",
-        "Simulation",
-        "Execution",
+        "Runs",
         "Output",
     ]
     first = "--runs --laws --at-least --worst --radius --out --resume --plant"
     assert found["Options"] == first.split()
+
+
+PAGES = [
+    *(name for name, entry in COMMANDS.items() if isinstance(entry, Entry)),
+    *(
+        f"{group} {name}"
+        for group, entries in COMMANDS.items()
+        if not isinstance(entries, Entry)
+        for name in entries
+    ),
+    *(name for name, entry in COMMANDS.items() if not isinstance(entry, Entry)),
+    "",
+]
+# Words on an option that say what holds without it.
+HOLDS = re.compile(r"\[default: |\[required\]|by default|instead")
+
+
+@pytest.mark.parametrize("command", PAGES)
+def test_help_fits_on_a_screen_of_a_hundred_columns(
+    command: str, capsys: Screen, monkeypatch: Patch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
+    assert run(*command.split(), "--help") == cli.DONE
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 100
+    assert len(lines) <= 50
+
+
+@pytest.mark.parametrize("command", PAGES)
+def test_help_says_of_each_option_with_a_value_what_holds_without_it(
+    command: str, capsys: Screen, monkeypatch: Patch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "1000")
+    assert run(*command.split(), "--help") == cli.DONE
+    options = re.findall(r"^│ \*? *(--[a-z].*?) *│$", capsys.readouterr().out, re.MULTILINE)
+    takes_value = [option for option in options if re.match(r"--\S+( -o)? [A-Z\[]\S*", option)]
+    silent = [option for option in takes_value if not HOLDS.search(option)]
+    assert silent == []
 
 
 def test_the_overview_has_a_line_for_each_command(capsys: Screen, monkeypatch: Patch) -> None:

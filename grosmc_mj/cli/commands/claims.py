@@ -45,7 +45,10 @@ class JudgeCommand(AnsweringCommand):
 
     target: _Claims = None
     _: KW_ONLY
-    page: Annotated[Path | None, Parameter(metavar="FILE.md", group=OUTPUT)] = None
+    page: Annotated[
+        Path | None,
+        Parameter(metavar="FILE.md", group=OUTPUT, show_default="none"),
+    ] = None
     out: Out = Path("renders")
 
     @property

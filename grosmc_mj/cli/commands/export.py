@@ -77,7 +77,7 @@ class ExportCommand(AnsweringCommand):
         Parameter(show_default="1000, with --loop 5"),
     ] = None
     on: Annotated[str | None, Parameter(metavar="cortex-m4|cortex-m7|cortex-m33")] = None
-    clock: Annotated[str | None, Parameter(metavar="TEXT")] = None
+    clock: Annotated[str | None, Parameter(metavar="TEXT", show_default="none")] = None
     out: Out = Path("renders")
 
     def questions(self) -> Sequence[Question]:

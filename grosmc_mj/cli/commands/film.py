@@ -94,8 +94,8 @@ class FilmCommand(Command):
     ] = None
     gif: Annotated[Flag, Parameter(group=OUTPUT)] = False
     workers: Annotated[WholeNumber | None, Parameter(show_default="one a core")] = None
-    switching: OptionalName = None
-    surface: OptionalSurface = None
+    switching: Annotated[OptionalName, Parameter(show_default="the law's own")] = None
+    surface: Annotated[OptionalSurface, Parameter(show_default="the law's own")] = None
 
     def execute(self) -> int:
         """Run the laws, then render and write the film."""

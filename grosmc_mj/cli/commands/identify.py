@@ -43,7 +43,7 @@ class _OfLog(AnsweringCommand):
     log: Path
     case: str
     _: KW_ONLY
-    also: Annotated[tuple[Path, ...], Parameter(metavar="LOG...", show_default=False)] = ()
+    also: Annotated[tuple[Path, ...], Parameter(metavar="LOG...", show_default="none")] = ()
     horizon: Annotated[float, Parameter(metavar="S")] = 1.0
     out: Out = Path("renders")
 

@@ -54,7 +54,7 @@ class RunCommand(AnsweringCommand):
         target: A system, a case (SYSTEM/CASE) or a case file (FILE.toml).
         laws: Laws to run, of the file's controllers or of its [laws].
         out: Folder for the results.
-        figures: Whether to draw the figure.
+        figures: Draw the figure.
         draws: Runs in a loop with an encoder, noise, jitter or missed samples: each has random
             numbers of its own and other phases of the encoders, and all must keep what is required.
         log: Logs of the real machine that are judged in place of simulations, one by one, by
@@ -69,13 +69,13 @@ class RunCommand(AnsweringCommand):
     target: Target
     _: KW_ONLY
     laws: Laws = ()
-    log: Annotated[tuple[Path, ...], Parameter(metavar="LOG...", show_default=False)] = ()
+    log: Annotated[tuple[Path, ...], Parameter(metavar="LOG...", show_default="none")] = ()
     out: Out = Path("renders")
     figures: Figures = True
     draws: WholeNumber = 10
     save: Annotated[
         Literal["parquet", "csv"] | None,
-        Parameter(metavar="[FORMAT]", group=OUTPUT),
+        Parameter(metavar="[FORMAT]", group=OUTPUT, show_default="none"),
     ] = None
     film: Annotated[Flag, Parameter(group=OUTPUT)] = False
 

@@ -41,8 +41,8 @@ class ValidateCommand(AnsweringCommand):
     Attributes:
         targets: Systems to run, or cases of them.
         out: Folder for validation.json and the figures.
-        claims: Whether to judge the chapter's claims too; this needs every case of a SYSTEM.
-        figures: Whether to draw the figures.
+        claims: Judge the chapter's claims too; this needs every case of a SYSTEM.
+        figures: Draw the figures.
         films: End with a film of each case, LQR beside GROSMC, in DIR/films. One that is
             there already, drawn from the same data, is kept.
         report: End with a page of all that lies in DIR, DIR/report.html.
@@ -52,7 +52,7 @@ class ValidateCommand(AnsweringCommand):
     targets: Annotated[tuple[str, ...], Parameter(show_default="all systems")] = ()
     _: KW_ONLY
     out: Out = Path("renders")
-    claims: bool = True
+    claims: Annotated[bool, Parameter(show_default="--claims")] = True
     figures: Figures = True
     films: Annotated[Flag, Parameter(group=OUTPUT)] = False
     report: Annotated[Flag, Parameter(group=OUTPUT)] = False

@@ -38,8 +38,8 @@ class ViewCommand(Command):
     _: KW_ONLY
     laws: OptionalName = None
     speed: Annotated[float, Parameter(metavar="X")] = 1.0
-    switching: OptionalName = None
-    surface: OptionalSurface = None
+    switching: Annotated[OptionalName, Parameter(show_default="the law's own")] = None
+    surface: Annotated[OptionalSurface, Parameter(show_default="the law's own")] = None
 
     def execute(self) -> int:
         """Prepare the case and open the window."""

@@ -11,7 +11,7 @@ from cyclopts import Group, Parameter
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.answering import AnsweringCommand, Question
-from grosmc_mj.cli.command import OUTPUT, SEARCH, Figures, Flag, Laws, WholeNumber, command
+from grosmc_mj.cli.command import OUTPUT, Figures, Flag, Laws, WholeNumber, command
 from grosmc_mj.cli.targets import TARGET
 from grosmc_mj.ground.errors import ArgumentError
 
@@ -36,14 +36,12 @@ _SPECIFIED = (
 _FOLDER = Path("renders") / "campaigns"
 _MOST_EVALUATIONS = 10**7
 
-# Panels of the help, below the options that matter most.
-_SAMPLING = Group("Sampling", sort_key=2)
-_SIMULATION = Group("Simulation", sort_key=3)
-_EXECUTION = Group("Execution", sort_key=4)
+# Panel of the help below the options that matter most.
+_RUNS = Group("Runs", sort_key=2)
 
 _Seconds = Annotated[
     float | None,
-    Parameter(metavar="S", group=_SIMULATION, show_default="the file's"),
+    Parameter(metavar="S", group=_RUNS, show_default="the file's"),
 ]
 
 
@@ -51,55 +49,51 @@ _Seconds = Annotated[
 class CampaignCommand(AnsweringCommand):
     """Run thousands of uncertain plants and say what share of them keeps what is required.
 
-    The uncertainty is a case file's [[uncertain]] tables; servo, cart_pendulum, arm and
-    two_link_arm have files. Every plant meets every law. The answer is pass rates with intervals,
-    margins, and the numbers that drive them; the folder keeps a row for each run, the results and
-    the figures. With --plant one plant of such a folder becomes a case file for run, film and diff.
+    The uncertainty is a case file's [[uncertain]] tables; the package's systems have files. Every
+    plant meets every law. The answer is pass rates with intervals, margins, and the numbers that
+    drive them; the folder keeps a row for each run, the results and the figures.
 
     Exit code: 0 if done, 1 if a law keeps everything on no plant or --at-least is missed, 2 if the
     command or the set-up is wrong.
 
     Attributes:
-        target: A system, a case (SYSTEM/CASE) or a case file (FILE.toml); for --plant a campaign's
-            folder.
+        target: A system, a case or a case file; for --plant a campaign's folder.
         runs: Number of plants.
-        controllers: Laws to run: of the file's controllers or of its [laws]. For --plant the law
-            that ran on the plant, by default the last one.
-        at_least: Share of the declared design that each law must be shown to keep: exit code 1 if
-            its one-sided lower bound, at the confidence, is below it. For random runs only.
+        controllers: Laws to run, or the one of --plant.
+        at_least: Share of the declared design that each law must keep by its one-sided lower
+            bound, else exit code 1. For random runs only.
         worst: Search for the worst plant under each law, and shrink it.
         radius: Search for the scale of the uncertainty at which each law first fails.
-        out: Folder of the campaign; for --plant the folder of the new case file.
+        out: Folder of the campaign or of the new file.
         resume: Go on with what is in the folder.
-        plant: Write the plant of a run as a case file: number of the run; or worst, shrunk or
-            outside, the plants that --worst and --radius found.
+        plant: Write one plant of a campaign's folder as a case file: the number of its run; or
+            worst, shrunk or outside, which --worst and --radius found.
         evaluations: Runs that --worst may take for each law.
-        sampler: random draws independent plants, which alone give intervals; corners takes all
-            combinations of the ranges' ends.
+        sampler: random (gives intervals) or corners of the ranges.
         seed: Seed of the sampler; run i depends on it and on i alone.
         confidence: Confidence of the intervals.
         duration: Duration of each run, in s.
         control_period: Time between two samples of the laws, in s.
-        integrator: Integrator of MuJoCo. implicitfast takes less than half the time of RK4, and
+        integrator: MuJoCo's integrator. implicitfast takes less than half the time of RK4, and
             passes some plants that RK4 fails.
-        screen: Which plants run on their equations, with the critical ones confirmed in MuJoCo:
-            auto where both are measured to agree, equations where there are equations, none.
-        executor: batch runs in this process, on all cores; processes in worker processes; dask on
-            the workers of a Dask scheduler.
-        workers: Number of worker processes; for dask only without a scheduler.
+        screen: Plants that run on equations, critical ones confirmed in MuJoCo: auto (where both
+            agree), equations (where there are any) or none.
+        executor: batch (this process, on all cores), processes, or dask (the workers of a Dask
+            scheduler).
+        workers: Worker processes; for dask only without a scheduler.
         scheduler: Address or file of a Dask scheduler.
-        shard: Plants of one part, the smallest piece of work that is done, kept and handed out.
-        axes: Two uncertain numbers that the map is drawn over.
-        figures: Whether to draw the figures.
-        case_file: For --plant: the campaign's case file, which the new file extends. It is needed
-            if it names a model or Python, which is imported only if it is the recorded one.
+        shard: Plants of one part of the work, which is kept as a whole.
+        axes: Two uncertain numbers, for the map.
+        figures: Draw the figures.
+        case_file: For --plant: the campaign's case file, if it names a model or Python, which is
+            imported only if it is the recorded one.
     """
 
     target: Annotated[str, Parameter(metavar=f"{TARGET}|FOLDER")]
     _: KW_ONLY
     runs: WholeNumber = 1024
     controllers: Laws = ()
-    at_least: Annotated[float | None, Parameter(metavar="SHARE")] = None
+    at_least: Annotated[float | None, Parameter(metavar="SHARE", show_default="none")] = None
     worst: Flag = False
     radius: Flag = False
     out: Annotated[
@@ -107,39 +101,45 @@ class CampaignCommand(AnsweringCommand):
         Parameter(metavar="DIR", show_default=str(_FOLDER / "NAME")),
     ] = None
     resume: Flag = False
-    plant: Annotated[str | None, Parameter(metavar="WHICH")] = None
+    plant: Annotated[str | None, Parameter(metavar="WHICH", show_default="none")] = None
 
-    evaluations: Annotated[WholeNumber, Parameter(group=SEARCH)] = 1024
+    evaluations: Annotated[WholeNumber, Parameter(group=_RUNS)] = 1024
 
-    sampler: Annotated[str, Parameter(metavar="random|corners", group=_SAMPLING)] = "random"
-    seed: Annotated[WholeNumber, Parameter(group=_SAMPLING)] = 0
-    confidence: Annotated[float, Parameter(metavar="SHARE", group=_SAMPLING)] = 0.95
+    sampler: Annotated[str, Parameter(metavar="NAME", group=_RUNS)] = "random"
+    seed: Annotated[WholeNumber, Parameter(group=_RUNS)] = 0
+    confidence: Annotated[float, Parameter(metavar="SHARE", group=_RUNS)] = 0.95
 
     duration: _Seconds = None
     control_period: _Seconds = None
     integrator: Annotated[
         str | None,
-        Parameter(metavar="NAME", group=_SIMULATION, show_default="the file's"),
+        Parameter(metavar="NAME", group=_RUNS, show_default="the file's"),
     ] = None
-    screen: Annotated[str, Parameter(metavar="auto|equations|none", group=_SIMULATION)] = "auto"
+    screen: Annotated[str, Parameter(metavar="NAME", group=_RUNS)] = "auto"
 
     executor: Annotated[
         str,
-        Parameter(metavar="batch|processes|dask", group=_EXECUTION),
+        Parameter(metavar="NAME", group=_RUNS),
     ] = "batch"
     workers: Annotated[
         WholeNumber | None,
-        Parameter(group=_EXECUTION, show_default="one a core"),
+        Parameter(group=_RUNS, show_default="one a core"),
     ] = None
-    scheduler: Annotated[str | None, Parameter(metavar="ADDRESS", group=_EXECUTION)] = None
-    shard: Annotated[WholeNumber, Parameter(group=_EXECUTION)] = 512
+    scheduler: Annotated[
+        str | None,
+        Parameter(metavar="ADDRESS", group=_RUNS, show_default="none"),
+    ] = None
+    shard: Annotated[WholeNumber, Parameter(group=_RUNS)] = 512
 
     axes: Annotated[
         tuple[str, ...],
-        Parameter(metavar="X Y", group=OUTPUT, show_default="those that drive margins most"),
+        Parameter(metavar="X Y", group=OUTPUT, show_default="those that drive margins"),
     ] = ()
     figures: Figures = True
-    case_file: Annotated[Path | None, Parameter(metavar="FILE", group=OUTPUT)] = None
+    case_file: Annotated[
+        Path | None,
+        Parameter(metavar="FILE", group=OUTPUT, show_default="none"),
+    ] = None
 
     @property
     def case_target(self) -> str | None:
