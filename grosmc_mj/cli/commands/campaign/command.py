@@ -77,13 +77,13 @@ class CampaignCommand(AnsweringCommand):
         integrator: MuJoCo's integrator. implicitfast takes less than half the time of RK4, and
             passes some plants that RK4 fails.
         screen: Plants that run on equations, critical ones confirmed in MuJoCo: auto (where both
-            agree), equations (where there are any) or none.
+            agree), equations (where there are) or none.
         executor: batch (this process, on all cores), processes, or dask (the workers of a Dask
             scheduler).
         workers: Worker processes; for dask only without a scheduler.
         scheduler: Address or file of a Dask scheduler.
         shard: Plants of one part of the work, which is kept as a whole.
-        axes: Two uncertain numbers, for the map.
+        axes: Two uncertain numbers of the map.
         figures: Draw the figures.
         case_file: For --plant: the campaign's case file, if it names a model or Python, which is
             imported only if it is the recorded one.
