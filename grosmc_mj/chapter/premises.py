@@ -8,7 +8,7 @@ from typing import Any
 
 from grosmc_mj.experiments.assumptions.audit import Audit, Premise, Reading
 from grosmc_mj.experiments.settings import Settings
-from grosmc_mj.ground.wording import counted, counted_of, unit_after
+from grosmc_mj.ground.wording import counted, counted_of, plural, unit_after
 from grosmc_mj.output.results.document import plain
 from grosmc_mj.output.results.result import (
     KEPT,
@@ -87,7 +87,8 @@ def _answer(audits: Sequence[Audit]) -> Answer:
     sentence = f"All {counted(total, 'premise')} of {law} hold"
     if failed:
         verdict = NOT_KEPT
-        sentence = f"{counted_of(failed, total, f'premise of {law}', 'fails', 'fail')}"
+        verb = plural(failed, "fails", "fail")
+        sentence = f"{counted_of(failed, total, 'premise')} of {law} {verb}"
     points = [f"{audit.case.name}: {line}" for audit in audits for line in worst_points(audit)]
     return Answer(
         question=f"Premises of {law} on {audits[0].case.system}",
