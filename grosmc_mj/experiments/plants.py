@@ -16,6 +16,7 @@ from grosmc_mj.experiments.file.user_code import blamed, load_named
 from grosmc_mj.experiments.file.values import states_of
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.errors import ArgumentError, PremiseError, SetupError, value_text
+from grosmc_mj.ground.files import is_there
 from grosmc_mj.mechanics.physics.edit import Edit
 from grosmc_mj.mechanics.physics.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.theory.plants import (
@@ -239,11 +240,12 @@ def _model_file(text: str, folder: Path) -> Path:
     """Return an MJCF file beside the case file, or in an installed package.
 
     Raises:
-        ArgumentError: If it is in a package that has none, or that is not installed.
+        ArgumentError: If there is none, or it is in a package that is not installed.
     """
     package, colon, inside = text.partition(":")
-    if not colon:
-        return folder / text
+    # One letter is a drive of Windows, and no package.
+    if not colon or (len(package) == 1 and package.isalpha()):
+        return _file_beside(text, folder)
     if not package.isidentifier():
         raise ArgumentError(
             f"plant: model: {value_text(text)} must be a file, or package:path of one"
@@ -259,6 +261,21 @@ def _model_file(text: str, folder: Path) -> Path:
         if path.is_file():
             return path
     raise ArgumentError(f"plant: model: the installed {package} has no file {value_text(inside)}")
+
+
+def _file_beside(text: str, folder: Path) -> Path:
+    """Return a file by its place from the folder of the case file.
+
+    Raises:
+        ArgumentError: If there is none.
+    """
+    path = folder / text
+    if is_there(path):
+        return path
+    hint = ""
+    if is_there(folder / text.replace("\\", "/")):
+        hint = ": write / in the place of \\"
+    raise ArgumentError(f"plant: model: there is no file {value_text(text, str)}{hint}")
 
 
 def _believed(text: str, nominal: NominalPlant, folder: Path) -> AnalyticPlant:

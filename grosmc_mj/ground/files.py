@@ -55,6 +55,14 @@ def require_regular(path: Path, largest: int = LARGEST_TEXT) -> None:
         )
 
 
+def is_there(path: Path) -> bool:
+    """Whether there is a file or folder; a name that none can have is not there."""
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        return False
+
+
 def name_in_files(name: str) -> str:
     """Return a name as it stands in the names of files: letters, digits and ``_+-.``."""
     return re.sub(r"[^\w.+-]+", "_", name)

@@ -27,6 +27,8 @@ _EXAMPLES = {"s": "6 s", "rad": "10 deg", "m": "5 cm", "N": "2 N", "N m": "0.5 N
 # Size of a number at most: costs have its square, times a weight and summed over a run.
 LARGEST = 1e100
 _PERCENT = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)\s*%")
+# Beginning of a number with a decimal comma.
+_COMMA = re.compile(r"^([+-]?\d+),(\d)")
 _PER_SECOND = re.compile(r"/s(?:\^(\d))?$")
 _NUMBER = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)", re.DOTALL)
 
@@ -400,7 +402,7 @@ def number_in(value: Any, unit: str) -> float:
     if unit in {"", "1", "%"}:
         if not is_number(value):
             raise ArgumentError(
-                f"{value_text(value)} must be a number without a unit{_share_hint(value)}"
+                f"{value_text(value)} must be a number without a unit{_number_hint(value)}"
             )
         return _finite(float(value), value)
 
@@ -419,6 +421,8 @@ def number_in(value: Any, unit: str) -> float:
     match = _NUMBER.fullmatch(value.strip())
     if match is None:
         raise ArgumentError(f'"{text}" is no number with a unit, such as "{example}"')
+    if _with_point(text) != text:
+        raise ArgumentError(f'"{text}" has a decimal comma: write "{_with_point(text)}"')
     number = float(match[1])
     written = match[2]
     if not written:
@@ -457,12 +461,23 @@ def typed_number(text: str, unit: str) -> float:
     return number_in(text, unit)
 
 
-def _share_hint(value: Any) -> str:
-    """Return the number to write for a text in per cent; empty for anything else."""
-    match = _PERCENT.fullmatch(value.strip()) if isinstance(value, str) else None
-    if match is None:
+def _number_hint(value: Any) -> str:
+    """Return the number to write for a text of one or in per cent; empty for anything else."""
+    if not isinstance(value, str):
         return ""
-    return f": write {float(match[1]) / 100:.12g}"
+    text = value.strip()
+    share = _PERCENT.fullmatch(text)
+    if share is not None:
+        return f": write {float(share[1]) / 100:.12g}"
+    number = _NUMBER.fullmatch(_with_point(text))
+    if number is not None and not number[2]:
+        return f": it is a text: write {number[1]} without quotes"
+    return ""
+
+
+def _with_point(text: str) -> str:
+    """Return a text whose decimal comma, if it has one, is a point."""
+    return _COMMA.sub(r"\1.\2", text)
 
 
 def si_number(value: Any, unit: str) -> float:

@@ -211,7 +211,7 @@ def test_the_complete_text_of_a_shipped_file_is_its_whole_content(name: str) -> 
     ("name", "words"),
     [
         ('"mine.toml"', "mine.toml extends this file in turn"),
-        ('"other.toml"', "other.toml: cannot be read: No such file"),
+        ('"other.toml"', "common.toml: extends: there is no other.toml beside it"),
         ('"../common.toml"', "must be a file beside it"),
         ('"servo/machin"', "unknown case 'servo/machin': did you mean 'servo/machine'?"),
         ('"servos"', "unknown case 'servos': .*or a file beside it, whose name ends in .toml"),

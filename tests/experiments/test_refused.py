@@ -76,6 +76,27 @@ def test_a_reference_without_a_value_during_the_run_is_refused(tmp_path, formula
 
 
 # A part of a sound text, the mistake in its place, and words of the line.
+_ESCAPED = """: in "..." a \\ begins an escape: write / or '...'"""
+WRITTEN = [
+    ('title = "sound"', "title = sound", ': a text has quotes: write "sound"'),
+    ('title = "sound"', r'title = "C:\Users\me"', f"(at line 2, column 12){_ESCAPED}"),
+    ('title = "sound"', r'title = "a\base"', f"(at line 2){_ESCAPED}"),
+    ('title = "sound"', 'title = "a\tb"', "characters that cannot be printed (at line 2)"),
+    ('title = "sound"', 'title = "a"\ntitle = "b"', ": title stands in line 2 already"),
+    ('title = "sound"', r"extends = 'C:\work\base.toml'", "must be a file beside it, such as"),
+    ('title = "sound"', 'extends = "basis.toml"', "extends: there is no basis.toml beside it"),
+    ("mass_scale = 2", "mass_scale = 2,5", ": a decimal point: write 2.5"),
+    ("mass_scale = 2", "mass_scale = True", ": write true"),
+    ("mass_scale = 2", 'mass_scale = "2"', ": it is a text: write 2 without quotes"),
+    ("mass_scale = 2", 'mass_scale = "2,5"', ": it is a text: write 2.5 without quotes"),
+    ('"10 deg"', '"1,5 deg"', '"1,5 deg" has a decimal comma: write "1.5 deg"'),
+    ('"0 N m"]\n', '"0 N m"\n', ": torque in line 13 has a bracket left open"),
+    ('system = "arm"', 'model = "C:/me/arm.xml"', "plant: model: there is no file C:/me/arm.xml"),
+    ('system = "arm"', r"model = 'C:\me\arm.xml'", r"plant: model: there is no file C:\me\arm.xml"),
+    ('system = "arm"', 'model = "../arm.xml"', "plant: model: there is no file ../arm.xml"),
+    ('system = "arm"', r"plant = 'C:\me\own.py:plant'", "must be module:name, such as my_module"),
+    ('law = "grosmc"', 'law = "own.py:law"', "a module is named without .py: write own:law"),
+]
 ARMS = [
     ('system = "arm"', 'sytem = "arm"', "plant: unknown key 'sytem': did you mean 'system'?"),
     ('system = "arm"', "system = 3", "plant: system = 3 must be a text in quotes"),
@@ -125,6 +146,7 @@ ARMS = [
     ('deviation_below = "10 mrad"', "", "requirement 1: nothing is required"),
     ('"10 mrad"', '"10 mrad"\nof = ["lqr"]', "requirement 1: unknown controller 'lqr'"),
     ('title = "sound"', "title = sound", "no valid TOML: Invalid value (at line 2"),
+    *WRITTEN,
 ]
 OWNS = [
     ("own:pendulum", "onw:pendulum", "there is no onw.py in"),
@@ -362,6 +384,19 @@ def test_two_mistakes_are_named_at_once(tmp_path) -> None:
     assert first.endswith("mine.toml: 2 mistakes:")
     assert "transmission 1: unknown joint" in joint
     assert "lugre 1: stiffness: 4 has no unit" in unit
+
+
+def test_a_mark_of_the_byte_order_is_no_part_of_a_case_file(tmp_path) -> None:
+    path = written(tmp_path, ARM)
+    path.write_text(ARM, encoding="utf-8-sig")
+    assert Experiment.load(path).title == "sound"
+
+
+def test_a_model_behind_backslashes_is_found_with_slashes(tmp_path) -> None:
+    (tmp_path / "models").mkdir()
+    (tmp_path / "models" / "arm.xml").write_text("<mujoco/>")
+    line = refusal_of(tmp_path, ARM, 'system = "arm"', r"model = 'models\arm.xml'")
+    assert r"there is no file models\arm.xml: write / in the place of \\"[:-1] in line
 
 
 def test_a_binary_file_is_refused(tmp_path) -> None:

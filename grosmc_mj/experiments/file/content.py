@@ -9,21 +9,16 @@ base's. Files that an extended file names lie beside that file.
 
 from __future__ import annotations
 
-import re
-import tomllib
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any
 
 from grosmc_mj.experiments.file.shipped import CASES, base_file, name_in_package, shipped_files
+from grosmc_mj.experiments.file.toml_text import values_of_text
 from grosmc_mj.ground.errors import ArgumentError, unknown_name, value_text
-from grosmc_mj.ground.files import require_regular
+from grosmc_mj.ground.files import is_there, require_regular
 
 Content = dict[str, Any]
 EXTENDS = "extends"
-# Number of the line in an error of TOML.
-_LINE = re.compile(r"\(at line (\d+), ")
-# A number with a unit as the value of a key, without quotes.
-_BARE_QUANTITY = re.compile(r"=\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?\s*[A-Za-z%][\w^*/% ]*)")
 
 
 def read_content(path: Path) -> Content:
@@ -46,7 +41,7 @@ def content_of_text(text: str, path: Path) -> Content:
     Raises:
         ArgumentError: If it is no TOML.
     """
-    return _merged_layers(_with_system_base({path: _values(text, path)}))
+    return _merged_layers(_with_system_base({path: values_of_text(text, path)}))
 
 
 def layers_of(path: Path) -> dict[Path, Content]:
@@ -64,7 +59,7 @@ def layers_of(path: Path) -> dict[Path, Content]:
     next_path: Path | None = path
     while next_path is not None:
         file = next_path
-        content = _values(read_text(file), file)
+        content = values_of_text(read_text(file), file)
         next_path = None
         if EXTENDS in content:
             next_path = _extended_file(content.pop(EXTENDS), file, [*files, file])
@@ -84,7 +79,8 @@ def _extended_file(name: Any, path: Path, above: list[Path]) -> Path:
     """
     if isinstance(name, str) and not name.endswith(".toml"):
         return _case_of_package(name, path)
-    if not isinstance(name, str) or Path(name).name != name:
+    # With the separators and drives of all systems.
+    if not isinstance(name, str) or PureWindowsPath(name).name != name:
         raise ArgumentError(
             f'{path}: extends = {value_text(name)} must be a file beside it, such as "base.toml", '
             'or a case of the package, such as "servo/machine"'
@@ -92,6 +88,8 @@ def _extended_file(name: Any, path: Path, above: list[Path]) -> Path:
     base = path.parent / name
     if base in above:
         raise ArgumentError(f"{path}: extends: {base.name} extends this file in turn")
+    if not is_there(base):
+        raise ArgumentError(f"{path}: extends: there is no {value_text(name, str)} beside it")
     return base
 
 
@@ -132,7 +130,8 @@ def read_text(path: Path) -> str:
     """
     require_regular(path)
     try:
-        return path.read_text(encoding="utf-8")
+        # Editors on Windows write a mark of the byte order first.
+        return path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is no text in UTF-8"
         raise ArgumentError(f"{path}: cannot be read: {reason}") from error
@@ -154,7 +153,7 @@ def _with_system_base(files: dict[Path, Content]) -> dict[Path, Content]:
     base = base_file(system) if isinstance(system, str) else None
     if base is None or base in files:
         return files
-    return {**files, base: _values(read_text(base), base)}
+    return {**files, base: values_of_text(read_text(base), base)}
 
 
 def _merged_layers(layers: dict[Path, Content]) -> Content:
@@ -165,46 +164,3 @@ def _merged_layers(layers: dict[Path, Content]) -> Content:
         content.pop("name", None)
         content = merged(content, own)
     return content
-
-
-def _values(text: str, path: Path) -> Content:
-    """Return the values of a text of TOML."""
-    try:
-        content = tomllib.loads(text)
-        _refuse_odd(content)
-    except tomllib.TOMLDecodeError as error:
-        raise ArgumentError(f"{path}: no valid TOML: {error}{_hint(text, error)}") from error
-    except RecursionError:
-        raise ArgumentError(f"{path}: no valid TOML: it is nested too deep") from None
-    # TOML's own errors, and one about integers of thousands of digits.
-    except ValueError as error:
-        raise ArgumentError(f"{path}: no valid TOML: {error}") from error
-    return content
-
-
-def _hint(text: str, error: tomllib.TOMLDecodeError) -> str:
-    """Return the correct form of a number with a unit that has no quotes; else an empty text."""
-    place = _LINE.search(str(error))
-    if place is None:
-        return ""
-    line = text.splitlines()[int(place[1]) - 1]
-    bare = _BARE_QUANTITY.search(line)
-    if bare is None:
-        return ""
-    return f': a number with a unit is a text: write "{bare[1]}"'
-
-
-def _refuse_odd(value: Any) -> None:
-    """Refuse control characters, and integers of more than 64 bits, which TOML does not have."""
-    if isinstance(value, str) and not value.isprintable():
-        raise ValueError(f"{value_text(value)} has characters that cannot be printed")
-    if isinstance(value, int) and not -(2**63) <= value < 2**63:
-        raise ValueError(f"{value_text(value)} has more than 64 bits")
-
-    members: list[Any] = []
-    if isinstance(value, list):
-        members = value
-    elif isinstance(value, dict):
-        members = [*value, *value.values()]
-    for member in members:
-        _refuse_odd(member)

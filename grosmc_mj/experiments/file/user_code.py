@@ -15,7 +15,7 @@ from importlib.util import resolve_name
 from pathlib import Path
 from typing import Any
 
-from grosmc_mj.ground.errors import ArgumentError, unknown_name
+from grosmc_mj.ground.errors import ArgumentError, unknown_name, value_text
 from grosmc_mj.ground.files import require_regular
 
 _PACKAGE = Path(__file__).resolve().parents[2]
@@ -123,8 +123,15 @@ def load_named(text: str, folder: Path) -> Any:
         ArgumentError: If it is missing, or the module cannot be imported.
     """
     if not _NAMED.fullmatch(text):
-        raise ArgumentError(f"{text!r} must be module:name, such as my_module:my_law")
+        raise ArgumentError(
+            f"'{value_text(text, str)}' must be module:name, such as my_module:my_law of the file "
+            "my_module.py beside the case file"
+        )
     name, attribute = text.split(":")
+    if name.endswith(".py"):
+        raise ArgumentError(
+            f"{text!r}: a module is named without .py: write {name.removesuffix('.py')}:{attribute}"
+        )
     if name.split(".")[0] in sys.stdlib_module_names:
         raise ArgumentError(f"{text!r}: {name} is a module of Python itself: take another name")
 
