@@ -24,6 +24,12 @@ def refuse_inconsistent(
     mistakes = Mistakes()
     with mistakes.gathered():
         stride_of(settings.control_period, settings.timestep)
+    duration = file.run.duration
+    if settings.control_period >= duration:
+        mistakes.note(
+            f"run: control_period: {settings.control_period:g} s must be below the duration of "
+            f"{duration:g} s"
+        )
     if loop is not None:
         with mistakes.gathered():
             loop.require_fits(nominal.system, settings.timestep, settings.control_period)

@@ -97,6 +97,27 @@ WRITTEN = [
     ('system = "arm"', r"plant = 'C:\me\own.py:plant'", "must be module:name, such as my_module"),
     ('law = "grosmc"', 'law = "own.py:law"', "a module is named without .py: write own:law"),
 ]
+# Events beyond the end of a run.
+NEVER = [
+    ('"sine"', '"sine"\nonset = "1 s"', "disturbance 1: it begins at 1 s, a run ends at 1 s"),
+    (
+        '"sine"\nfrequency = "1 Hz"',
+        '"pulse"\nstart = "6 s"\nstop = "6.5 s"',
+        "disturbance 1: it begins at 6 s, a run ends at 1 s: it never acts",
+    ),
+    (
+        '"sine"\nfrequency = "1 Hz"',
+        '"pulse"\nstart = "-2 s"\nstop = "-1 s"',
+        "disturbance 1: it ends at -1 s, a run begins at 0 s: it never acts",
+    ),
+    (
+        '"sine"\nfrequency = "1 Hz"',
+        '"table"\nvalues = [0, 0, 1]\nhold = "0.5 s"',
+        "disturbance 1: it begins at 1 s, a run ends at 1 s",
+    ),
+    ('"1 s"', '"1 s"\ncontrol_period = "5 s"', "control_period: 5 s must be below the duration"),
+    ('"1 s"', '"1 s"\ntimestep = "1 s"', "control_period: 1 s must be below the duration of 1 s"),
+]
 ARMS = [
     ('system = "arm"', 'sytem = "arm"', "plant: unknown key 'sytem': did you mean 'system'?"),
     ('system = "arm"', "system = 3", "plant: system = 3 must be a text in quotes"),
@@ -147,6 +168,7 @@ ARMS = [
     ('"10 mrad"', '"10 mrad"\nof = ["lqr"]', "requirement 1: unknown controller 'lqr'"),
     ('title = "sound"', "title = sound", "no valid TOML: Invalid value (at line 2"),
     *WRITTEN,
+    *NEVER,
 ]
 OWNS = [
     ("own:pendulum", "onw:pendulum", "there is no onw.py in"),
@@ -250,6 +272,15 @@ MACHINES = [
 ]
 # Wrong limits at the end of the last requirement.
 REQUIREMENTS = [
+    (
+        'signal = "rotor angle"\nabove = "1.2 rad"\nbelow = "0.8 rad"',
+        "keeps no value: none is above 1.2 rad and below 0.8 rad",
+    ),
+    ('always = "0.5 rad < rotor angle < 0.5 rad"', "none is above 0.5 rad and below 0.5 rad"),
+    (
+        'always = "t < 1 s or always[0 s, 1 s] (rotor angle > 2 rad and rotor angle < 1 rad)"',
+        "none is above 2 rad and below 1 rad",
+    ),
     (
         'band = "1 rad"\ninput_below = "1 A"',
         "band is for settles_within or reaches_within or",

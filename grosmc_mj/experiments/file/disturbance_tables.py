@@ -58,10 +58,21 @@ def disturbances_of(file: Any, system: System, folder: Path) -> tuple[AnyDisturb
         ArgumentError: For all that do not fit.
     """
     mistakes = Mistakes()
-    make = partial(_disturbance, system=system, folder=folder)
+    make = partial(_acting, system=system, folder=folder, end=file.run.duration)
     disturbances = mistakes.each("disturbance", file.disturbance, make)
     mistakes.refuse()
     return tuple(disturbances)
+
+
+def _acting(table: PartTable, system: System, folder: Path, end: float) -> AnyDisturbance:
+    """Return one disturbance, which acts before the end of a run [s]."""
+    disturbance = _disturbance(table, system, folder)
+    first, last = disturbance.window
+    if first >= end:
+        raise ArgumentError(f"it begins at {first:g} s, a run ends at {end:g} s: it never acts")
+    if last <= 0:
+        raise ArgumentError(f"it ends at {last:g} s, a run begins at 0 s: it never acts")
+    return disturbance
 
 
 def _disturbance(table: PartTable, system: System, folder: Path) -> AnyDisturbance:

@@ -21,6 +21,7 @@ from grosmc_mj.experiments.requirements.temporal import Formula, Inequality, Ope
 from grosmc_mj.ground.errors import ArgumentError, value_text
 from grosmc_mj.ground.grammar import Grammar, Node
 from grosmc_mj.ground.units import Unit, unit_pattern
+from grosmc_mj.ground.wording import unit_after
 
 _COMPARED = ("<", "<=", ">", ">=")
 _LOGICAL = ("not", "always", "eventually", "or", "and", "until")
@@ -70,7 +71,9 @@ def read_formula(text: str, units: Mapping[str, str]) -> TemporalSpecification:
     """
     try:
         tree = _grammar(units).read(text)
-        return _with_scales(_Meaning(units).formula(tree), units)
+        formula = _Meaning(units).formula(tree)
+        _refuse_empty(formula)
+        return _with_scales(formula, units)
     except ArgumentError as error:
         raise ArgumentError(f"{value_text(text)} {error}") from None
 
@@ -165,6 +168,20 @@ def _time(node: Node) -> float:
         if str(number.unit or "s") == "s":
             return number.value
     raise ArgumentError("has an interval that is none of times, such as [0 s, 50 ms]")
+
+
+def _refuse_empty(formula: Formula) -> None:
+    """Refuse bounds of one quantity that no value is between."""
+    if not isinstance(formula, Operation):
+        return
+    for part in formula.parts:
+        _refuse_empty(part)
+    bounds = formula.bounds
+    if bounds is not None and bounds.above >= bounds.below:
+        unit = unit_after(str(bounds.quantity.unit or ""))
+        raise ArgumentError(
+            f"keeps no value: none is above {bounds.above:g}{unit} and below {bounds.below:g}{unit}"
+        )
 
 
 def _with_scales(formula: Formula, units: Mapping[str, str]) -> TemporalSpecification:
