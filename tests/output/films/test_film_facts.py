@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import mujoco
 import numpy as np
 import pytest
 
+from grosmc_mj.cli import films
 from grosmc_mj.cli.commands.film import FilmCommand
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.films import film_of
@@ -59,6 +62,61 @@ def scenes_of(film: Film) -> tuple[frames.Scene, ...]:
     stage = storyboard(film).stage
     assert stage is not None
     return stage.scenes
+
+
+class BlindRenderer:
+    """Renderer without graphics."""
+
+    scene = None
+
+    def __init__(self, *_: Any) -> None:
+        """Open nothing."""
+
+    def update_scene(self, *_: Any) -> None:
+        """Show nothing."""
+
+    def render(self) -> Array:
+        return np.zeros((8, 8, 3), np.uint8)
+
+
+def test_a_picture_has_the_wrench_of_its_own_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two runs side by side only the first is pushed."""
+    stage = storyboard(film_of_servo()).stage
+    assert stage is not None
+    (scene,) = stage.scenes
+    wrench = np.full((len(scene.physics), stage.model.nbody, 6), 0.75)
+    runs = [scene._replace(wrench=wrench, ghost=None), scene._replace(wrench=None, ghost=None)]
+    drawn: list[float] = []
+    nothing = SimpleNamespace(paint=lambda *_: None, add=lambda *_: None)
+    monkeypatch.setattr(frames.mujoco, "Renderer", BlindRenderer)
+    monkeypatch.setattr(frames, "move", lambda *_: None)
+    monkeypatch.setattr(
+        frames,
+        "add_wrenches",
+        lambda _scene, _model, data, _: drawn.append(data.xfrc_applied.max()),
+    )
+    painter = frames._Painter(stage._replace(surroundings=cast(Any, nothing)))
+    for run in (runs[0], runs[1], runs[0]):
+        painter.picture(run, 0)
+    assert drawn == [0.75, 0.0, 0.75]
+
+
+def test_of_five_laws_the_last_four_are_filmed_in_mujoco(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a run compares stands before the law of interest."""
+    results: list[Any] = [
+        SimpleNamespace(plant=plant, case="case", law=law)
+        for law in "abcde"
+        for plant in ("physics", "corrected")
+    ]
+    filmed: list[str] = []
+    monkeypatch.setattr(
+        "grosmc_mj.experiments.films.film_of", lambda runs: [run.plant[0] + run.law for run in runs]
+    )
+    monkeypatch.setattr(
+        films, "_write_missing", lambda _, made: filmed.extend(*(film for _, film in made.values()))
+    )
+    films.film_runs(cast(Any, None), results, Path("film.mp4"))
+    assert filmed == ["pb", "pc", "pd", "pe"]
 
 
 class Pen:

@@ -13,6 +13,7 @@ from commands import Screen, assert_one_line, run
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.requirements.judging import judge_run
 from grosmc_mj.studies.disturbance.answer import (
+    answer_table,
     case_text,
     charts,
     disturbance_film,
@@ -247,6 +248,49 @@ def test_a_start_within_bounds_is_part_of_the_search(tmp_path) -> None:
     assert abs(found.signal[-1]) == 1
     assert len(found.signal) == found.pieces + 1
     assert found.share > found_for_lqr(path, "10 mN m").share
+
+
+# -- in words -------------------------------------------------------------------------------------
+
+# Four pieces of which two switch, and a deviation of the start of the other sign.
+WORST = WorstDisturbance(
+    law="lqr",
+    share=1.5,
+    words="stays within 20 mrad",
+    bound=0.5,
+    signal=[1.0, 1.0, -1.0, 1.0, -1.0],
+    pieces=4,
+    calm_share=0.3,
+    compared_share=0.6,
+    search_share=1.5,
+    telegraph_share=1.2,
+    runs=88,
+    change=0.049,
+    confirmed=1.45,
+    largest_kept=0.2,
+    smallest_failed=0.21,
+)
+
+
+def test_the_words_have_share_ratio_switches_runs_and_the_largest_bound(tmp_path) -> None:
+    study = disturbance_study(str(held(tmp_path)), "rotor", "0.5 N m", ["lqr"])
+    line = (
+        "lqr: 1.5 of stays within 20 mrad, 2.5 times a 3 s pulse; 2 switches; 88 runs; "
+        "telegraph 1.2 (88){}; all is kept up to 0.2 and not at 0.21 N m"
+    )
+    assert words_of(study, WORST) == line.format("")
+    doubted = WORST.model_copy(update={"change": 0.051})
+    assert words_of(study, doubted) == line.format("; 4 pieces may be too few")
+
+
+def test_the_table_has_the_law_that_breaks_most_first(tmp_path) -> None:
+    study = disturbance_study(str(held(tmp_path)), "rotor", "0.5 N m", ["lqr"])
+    quiet = {"law": "quiet", "share": 0.7, "search_share": 0.65, "telegraph_share": 0.7}
+    quiet |= {"confirmed": None, "smallest_failed": None}
+    assert answer_table(study, [WORST.model_copy(update=quiet), WORST]).rows == [
+        ["lqr", "1.5", "0.6", "2", "4", "88", "1.2", "search", "1.45", "0.2 to 0.21"],
+        ["quiet", "0.7", "0.6", "2", "4", "88", "0.7", "telegraph", "-", "≥0.2"],
+    ]
 
 
 # -- the command -----------------------------------------------------------------------------------
