@@ -494,6 +494,21 @@ def test_an_interval_is_the_value_and_its_half_width_on_either_side_in_four_digi
     assert _values_row(quantity, 2.345678, None)[1:3] == ("2.346", "-")
 
 
+def test_the_quality_of_a_fit_is_the_residual_beside_the_motion_of_its_windows() -> None:
+    """Residuals of 0.5 rad in two windows of a ramp of an encoder with steps of 0.02 rad."""
+    time = 0.01 * np.arange(400)
+    angle = 0.02 * np.arange(400)
+    log = Log("log", time, time[:, None], {"rotor angle": angle}, [slice(0, 400)])
+    residual = 0.5 * (-1.0) ** np.arange(100)
+    windows = [(slice(0, 100), residual), (slice(300, 400), residual)]
+    (row,) = quality({"rotor angle": windows}, log, find_system("servo"))
+    spread = np.std([*angle[:100], *angle[300:]])
+    assert (row.rms, row.step) == pytest.approx((0.5, 0.02))
+    assert row.fit == pytest.approx(1 - 0.5 / spread)
+    assert row.moves
+    assert not row.diverges
+
+
 def test_the_worst_prediction_is_that_of_the_most_steps_of_its_sensor() -> None:
     """0.03 rad are 15 steps, 0.4 rad/s are 8."""
     rows = [

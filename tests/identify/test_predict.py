@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import numba
 import numpy as np
@@ -310,6 +310,27 @@ def test_a_value_outside_has_the_digits_that_tell_it_from_the_spread(
     assert rows["time [s]"] == ["1", "1", "0.9 to 1.1"]
     words = prediction_result(question, complete, {}).answers[-1].words
     assert words.startswith("Predicted: angle: 3.1358 rad (3.13 to 3.1416); measured 3.1421 rad;")
+
+
+# Measured and predicted values, and what is written of them.
+WRITTEN = [
+    (2.5, [1.0, 2.0, 1.5], True, ("2.5", "1.5", "1 to 2", "outside", ""), "red"),
+    (1.75, [1.0, 2.0, 1.5], True, ("1.75", "1.5", "1 to 2", "", ""), ""),
+    (2.5, [1.0, 2.0, 1.5], False, ("2.5", "1.5", "1 to 2", "outside", "not required"), ""),
+    (np.inf, [1.0, np.inf, np.inf], True, ("never", "never", "1 to never", "", ""), ""),
+]
+
+
+@pytest.mark.parametrize(("measured", "predicted", "required", "cells", "style"), WRITTEN)
+def test_the_table_has_measured_value_median_and_spread(
+    measured: float, predicted: list[float], required: bool, cells: tuple[str, ...], style: str
+) -> None:
+    item = PredictedQuantity("a", "reaches", "s", required, measured, np.array(predicted))
+    complete: Any = SimpleNamespace(quantities=[item], runs=[None] * 3)
+    table = quantities_table(complete)
+    assert table.title == "Measured and predicted, 3 seeds"
+    assert table.rows == [["reaches [s]", *cells]]
+    assert table.styles == [style]
 
 
 def test_without_its_friction_the_machine_is_another_one(question: PredictionQuestion) -> None:

@@ -20,7 +20,12 @@ from shipped import find_case, nominal, robust, run_case, surface_of, task_of
 from grosmc_mj.chapter.premises import audit_document, audit_table, failures_table, worst_points
 from grosmc_mj.experiments.assumptions import audit as audits
 from grosmc_mj.experiments.assumptions.audit import Audit, Premise, Reading, audit, run_audit
-from grosmc_mj.experiments.assumptions.balance import Balance, Loads, balance
+from grosmc_mj.experiments.assumptions.balance import (
+    Balance,
+    Loads,
+    balance,
+    switching_rate,
+)
 from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.run_cache import RunCache, trial
@@ -289,6 +294,21 @@ def test_named_epsilons_restore_the_premise(gain: str, in_region: bool, along_ru
     largest = float(np.abs(s).max()) / (2 * T * epsilon * (1 + 18 * T))
     assert (largest <= 1) is along_run
     assert not 1 < largest <= 1.5
+
+
+def test_the_switching_rate_is_the_gain_times_both_gains_and_the_bound_over_the_input() -> None:
+    """2.5 (epsilon + eta + (gamma0 + gamma1 |z|) |G E|) with |z| = 5 and |G E| = 2."""
+    p = robust("servo").parameters
+    numbers = replace(
+        p,
+        epsilon=0.3,
+        eta=0.2,
+        gamma0=0.7,
+        gamma1=0.1,
+        switching=replace(p.switching, gain=2.5),
+    )
+    law: Any = SimpleNamespace(z=np.array([[3.0, 4.0]]), GE=np.array([[[1.2, 0.0], [0.0, 1.6]]]))
+    assert switching_rate(numbers, law) == pytest.approx([2.5 * (0.5 + 1.2 * 2)])
 
 
 @pytest.mark.slow

@@ -17,6 +17,7 @@ from grosmc_mj.output.results.verdicts import Verdict
 from grosmc_mj.simulation.disturbances import Table
 from grosmc_mj.simulation.loop import Actuator, Loop
 from grosmc_mj.simulation.trajectory import Status
+from grosmc_mj.studies.margins import task as margins_of_task
 from grosmc_mj.studies.margins.changes import DELAY, GAIN_DOWN, GAIN_UP, ChangeSearch, changed
 from grosmc_mj.studies.margins.chatter import Chatter, chatter, is_quiet
 from grosmc_mj.studies.margins.sensitivity import LoopPlace, RunningLoop
@@ -109,6 +110,15 @@ def test_every_change_that_is_kept_is_kept_in_all_draws_and_the_failing_one_is_n
     failed = changed(task.loop, ["current"], gain=margin.smallest_failed)
     assert task.failing_draws(kept) == 0
     assert task.failing_draws(failed) == margin.numbers["failing_draws"] != 0
+
+
+@pytest.mark.parametrize(
+    ("failing", "words"), [(8, "stays_within"), (3, "stays_within in 3 of 8 draws")]
+)
+def test_the_draws_in_which_a_requirement_breaks_are_told_unless_all_do(
+    failing: int, words: str
+) -> None:
+    assert margins_of_task._in_draws("stays_within", failing, 8) == words
 
 
 def searched(kind: str, bound: float) -> ChangeSearch:

@@ -415,6 +415,19 @@ def two_carts() -> AnalyticPlant:
     )
 
 
+def test_forces_on_two_inputs_may_have_the_worst_signs_for_each_surface() -> None:
+    """Of both signs of both forces, each s_i is pushed the most by some."""
+    carts = two_carts()
+    law = state_grosmc(state_task(carts, np.eye(4), np.eye(2)), G=[[0, 0, 2, -3], [0, 0, 1, 4.0]])
+    declared = StateUncertainty(force=0.7)
+    by_model = declared.law_at_states(law)
+    _, disturbed = declared.reaching(law, by_model, carts)
+    B = np.array([[1, 0.2], [0.1, 1]])
+    signs = np.array(list(itertools.product((-0.7, 0.7), repeat=2)))
+    largest = np.abs(signs @ (np.array([[2, -3], [1, 4.0]]) @ B).T).max(axis=0)
+    assert disturbed == pytest.approx(np.tile(largest, (5, 1)))
+
+
 def test_gains_of_two_inputs_take_the_least_of_the_symmetric_part() -> None:
     carts = two_carts()
     declared = StateUncertainty(scales={"k": (0.5, 2.0)})
