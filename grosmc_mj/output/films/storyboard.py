@@ -385,8 +385,12 @@ def _draw(axes: Axes, plot: Plot, film: Film) -> list[Any]:
     stop = film.stop
     axes.set_title(plot.title)
     axes.set_xlabel("time t [s]", labelpad=0.1 * mpl.rcParams["font.size"])
-    # The title has the left side above the axis.
+    # The title may have all of the width above the axes: a power of ten stands below it.
     axes.yaxis.set_offset_position("right")
+    power = axes.yaxis.get_offset_text()
+    power.set_verticalalignment("top")
+    axes.yaxis.OFFSETTEXTPAD = 0
+    power.set_bbox({"facecolor": "white", "alpha": 0.8, "pad": 1.0, "linewidth": 0})
 
     lines = []
     for curve in plot.curves:

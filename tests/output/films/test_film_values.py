@@ -8,10 +8,14 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
+import matplotlib as mpl
 import mujoco
 import numpy as np
 import pytest
 from hand_written import tip
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.text import Text
 from mjcf import TREE
 from shipped import TWO_LINK_CIRCLE, error_of, find_case, run_case
 
@@ -37,7 +41,17 @@ from grosmc_mj.output.films.scene import (
     place,
     surroundings_of,
 )
-from grosmc_mj.output.films.storyboard import film_model, inputs, outputs, storyboard, surfaces
+from grosmc_mj.output.films.storyboard import (
+    Plot,
+    PlotCurve,
+    _draw,
+    _style,
+    film_model,
+    inputs,
+    outputs,
+    storyboard,
+    surfaces,
+)
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 from grosmc_mj.theory.plants import SERVO, SYSTEMS
@@ -294,6 +308,25 @@ def test_links_of_a_chain_are_dark_and_pale_in_turn() -> None:
     parts = surroundings_of(model, state_of(model)[None]).uncoloured
     assert parts[0] == parts[2] == 0
     assert 0 < parts[1] < 1
+
+
+def test_a_power_of_ten_stands_below_a_long_title() -> None:
+    """The title is longer than the axes are wide."""
+    title = "size of the sliding variable |s| [rad/s]"
+    shown = film_of_two(servo(), servo())
+    time = np.linspace(0, shown.stop, 9)
+    with mpl.rc_context(_style(9)):
+        figure = Figure(figsize=(2.6, 1.8), layout="constrained")
+        canvas = FigureCanvasAgg(figure)
+        axes = figure.subplots()
+        _draw(axes, Plot(title, [PlotCurve(time, 4e-4 * time, {})]), shown)
+        canvas.draw()
+
+    (drawn_title,) = (text for text in axes.findobj(Text) if text.get_text() == title)
+    power = axes.yaxis.get_offset_text()
+    assert power.get_text()
+    assert power.get_window_extent().x0 < drawn_title.get_window_extent().x1
+    assert not power.get_window_extent().overlaps(drawn_title.get_window_extent())
 
 
 def test_the_poster_shows_the_moment_at_which_runs_differ_most() -> None:
