@@ -32,6 +32,8 @@ _OF_ERROR = ("settling_time", "overshoot", "rms_error")
 _OF_INPUT = ("total_variation", "max_input")
 # An instant counts as reached when it is this close, in parts of the sampling.
 _INSTANT = 1e-6
+# Samples that the end of a log may lack, with half a one for their rounding.
+_LACKING = 1.5
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -220,6 +222,12 @@ def run_of_log(
             log, experiment.nominal.system, experiment.duration, start
         )
 
+    notes = [*log.notes, *partly_known(log.name, trajectory)]
+    lasts = float(trajectory.time[-1])
+    if lasts < experiment.duration * (1 - _INSTANT):
+        notes.append(
+            f"{log.name} has {lasts:.4g} s of {experiment.duration:g} s: the last sample is missing"
+        )
     return MeasuredResult(
         case=experiment,
         plant=plant,
@@ -228,7 +236,7 @@ def run_of_log(
         true=experiment.plant(truest),
         log=path,
         begin=begin,
-        notes=[*log.notes, *partly_known(log.name, trajectory)],
+        notes=notes,
     )
 
 
@@ -272,10 +280,10 @@ def _as_trajectory(
     Raises:
         ArgumentError: If the log does not have the whole run, without a break.
     """
+    begin = _first_instant(log, start)
+    duration = _whole_duration(log, begin, duration)
     steps = max(1, round(duration / log.sampling))
     period = duration / steps
-    begin = _first_instant(log, start)
-    _require_whole(log, begin, begin + duration)
 
     time = np.arange(steps + 1) * period
     instants = begin + time
@@ -309,13 +317,22 @@ def _first_instant(log: Log, start: float) -> float:
     raise ArgumentError(f"start = {start:g} s is after its end at {log.time[-1]:g} s")
 
 
-def _require_whole(log: Log, begin: float, end: float) -> None:
-    """Refuse a log without all samples from ``begin`` to ``end`` [s]."""
+def _whole_duration(log: Log, begin: float, duration: float) -> float:
+    """Return the duration of a run that a log has from ``begin`` on, without a break [s].
+
+    Its last sample may be missing: a log of 3 s often ends a sample before 3 s.
+
+    Raises:
+        ArgumentError: If the log lacks more.
+    """
+    end = begin + duration
     half = 0.5 * log.sampling
-    for piece in log.pieces:
-        instants = log.time[piece]
-        if instants[0] <= begin and instants[-1] >= end - half:
-            return
+    pieces = [log.time[piece] for piece in log.pieces]
+    lasts = [float(instants[-1]) for instants in pieces if instants[0] <= begin <= instants[-1]]
+    if lasts and lasts[0] >= end - half:
+        return duration
+    if lasts and lasts[0] >= end - _LACKING * log.sampling:
+        return lasts[0] - begin
 
     last = float(log.time[log.pieces[-1]][-1])
     if last < end - half:

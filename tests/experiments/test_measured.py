@@ -283,6 +283,24 @@ def test_a_trajectory_of_a_log_is_saved(folder: Path, tmp_path: Path) -> None:
     assert np.isfinite(saved.state[:, 0]).all()
 
 
+def test_a_log_may_lack_its_last_sample(
+    folder: Path, simulated: RunResult, tmp_path: Path, capsys: Screen
+) -> None:
+    """It is judged as it is, with a note; without its last two samples it is refused."""
+    text = f'{BEGINNING}[[requirement]]\nstays_within = "2 rad"\n'
+    (tmp_path / "case.toml").write_text(text, encoding="utf-8")
+    codes = {}
+    for missing in (1, 2):
+        log = tmp_path / f"lacks_{missing}.csv"
+        write_log(simulated, log, ["rotor angle"], slice(6001 - missing))
+        arguments = (tmp_path / "case.toml", "--log", log, "--out", tmp_path, "--no-figures")
+        codes[missing] = run("run", *arguments)
+    printed = capsys.readouterr()
+    assert codes == {1: cli.DONE, 2: cli.WRONG}
+    assert "lacks_1.csv has 5.999 s of 6 s: the last sample is missing" in printed.out
+    assert "it has 5.998 s, the case runs 6 s: log for longer" in printed.err
+
+
 WRONG_LOGS = [
     ("", "nowhere.csv", "there is no such file"),
     ('[log.columns."rotor angle"]\ncolumn = "enc"', "good.csv", "column 'enc'"),

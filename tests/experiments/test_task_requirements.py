@@ -11,6 +11,7 @@ import pytest
 from case_texts import STEP, load
 
 from grosmc_mj.experiments.answer.document import experiment_result
+from grosmc_mj.experiments.answer.tables import requirements_table, results_table
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.requirements.judging import Judgement, judge_run, judge_runs
 from grosmc_mj.experiments.requirements.requirement import Requirement
@@ -292,6 +293,14 @@ def test_a_result_has_tables_of_requirements_runs_gains(judged: Judged) -> None:
     titles = [sheet.table.title.split(":")[0] for sheet in result.sheets]
     assert titles == ["Requirements", judged.experiment.nominal.system.title, ""]
     assert [row[2] for row in result.sheets[1].table.rows] == ["lqr", "grosmc"]
+
+
+def test_tables_say_which_draws_their_numbers_are_of(judged: Judged) -> None:
+    """A time of the first draw stood beside that of the worst one, both without a name."""
+    requirements = requirements_table(judged.judgements, 10)
+    runs = results_table(judged.runs, 10)
+    assert requirements.title == "Requirements, the worst of 10 draws"
+    assert runs.title.startswith(f"{judged.experiment.nominal.system.title}, draw 0 of 10: y = ")
 
 
 def test_a_run_that_keeps_all_requirements_is_kept(judged: Judged) -> None:

@@ -90,6 +90,7 @@ class IdentifyCommand(_OfLog):
 
     def questions(self) -> Sequence[Question]:
         """Return the one question of the logs."""
+        from grosmc_mj.experiments.file.shipped import written_beside
         from grosmc_mj.identify.parameters import parameters_of
 
         if not 0 < self.hold_out < 0.9:
@@ -98,7 +99,11 @@ class IdentifyCommand(_OfLog):
         question = _IdentifyQuestion(
             path=self._path("identification", experiment),
             # It has a name of its own: a run of it writes results of that name.
-            case_file=self._path("identify", experiment).with_suffix(".toml"),
+            case_file=written_beside(
+                experiment.path,
+                self.out,
+                self._path("identify", experiment).with_suffix(".toml").name,
+            ),
             command=self,
             parameters=parameters_of(experiment, self.fit),
             log=log,

@@ -43,7 +43,9 @@ def answer_of_run(
 
     judgements = _by_requirement(experiment.limits, simulated)
     notes = notes_on(experiment, simulated) if simulated else list(experiment.not_judged)
-    if simulated and experiment.loop is not None and experiment.loop.drawn and draws > 1:
+    if not simulated or experiment.loop is None or not experiment.loop.drawn:
+        draws = 1
+    if draws > 1:
         notes.append(f"judged by the worst of {draws} draws of noise, timing and encoders' phases")
     for result in measured:
         judgements += result.requirements
@@ -58,6 +60,7 @@ def answer_of_run(
         results,
         judgements,
         complete=complete,
+        draws=draws,
         faults=[*endings(results), *_failing_premises(premises)],
         notes=notes,
         remarks=remarks,

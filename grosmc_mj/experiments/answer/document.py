@@ -47,6 +47,7 @@ def experiment_result(
     judgements: Sequence[Judgement],
     *,
     complete: bool,
+    draws: int = 1,
     faults: Sequence[str] = (),
     notes: Sequence[str] = (),
     remarks: Sequence[str] = (),
@@ -60,6 +61,7 @@ def experiment_result(
         results: Its runs, in order.
         judgements: Judgements of these runs.
         complete: Whether all its runs are done.
+        draws: Draws that simulated runs are judged over.
         faults: Runs that ended early and premises that fail, a line each.
         notes: Notes beside the verdict, a line each.
         remarks: Lines on loop and machine.
@@ -78,9 +80,9 @@ def experiment_result(
 
     sheets = []
     if judgements:
-        sheets.append(ReportTable(table=requirements_table(judgements), brief=True))
+        sheets.append(ReportTable(table=requirements_table(judgements, draws), brief=True))
     if results:
-        runs = results_table(results).model_copy(update={"legend": LEGEND})
+        runs = results_table(results, draws).model_copy(update={"legend": LEGEND})
         sheets.append(ReportTable(table=runs, brief=True))
     simulated = [run for run in results if run.simulated]
     if simulated:

@@ -58,8 +58,13 @@ def metric_cell(metric: Metric | None, factor: float = 1.0) -> str:
     return "-"
 
 
-def results_table(results: Sequence[RunResult]) -> Table:
-    """Return the table of the runs of one system."""
+def results_table(results: Sequence[RunResult], draws: int = 1) -> Table:
+    """Return the table of the runs of one system.
+
+    Args:
+        results: The runs.
+        draws: Draws of the loop, of which these runs are the first one.
+    """
     system = results[0].trajectory.system
     error = results[0].controller.designed.error
     # Without weights there is no optimum that a column could be about.
@@ -92,7 +97,8 @@ def results_table(results: Sequence[RunResult]) -> Table:
         *details(numbers(*(header for header, _ in further))),
     ]
     outputs = [Signal(error.names[row], "y", error.units[row]) for row in error.output_rows]
-    title = f"{system.title}: y = {_signals(outputs)}; u = {_signals(system.inputs)}"
+    which = f", draw 0 of {draws}" if draws > 1 else ""
+    title = f"{system.title}{which}: y = {_signals(outputs)}; u = {_signals(system.inputs)}"
     return table(title, columns, rows, styles=styles)
 
 
@@ -118,8 +124,13 @@ LEGEND = (
 )
 
 
-def requirements_table(judgements: Sequence[Judgement]) -> Table:
-    """Return the table of requirements, those that are not kept first."""
+def requirements_table(judgements: Sequence[Judgement], draws: int = 1) -> Table:
+    """Return the table of requirements, those that are not kept first.
+
+    Args:
+        judgements: Judgements of the runs.
+        draws: Draws of the loop, by the worst of which the runs are judged.
+    """
     columns = [*phrases("", "requirement", "law", "plant"), *numbers("measured", "margin")]
     rows = []
     styles = []
@@ -132,7 +143,8 @@ def requirements_table(judgements: Sequence[Judgement]) -> Table:
         margin = _quantity(item.margin, requirement.unit)
         rows.append((verdict, requirement.words, item.controller, item.plant, measured, margin))
         styles.append("" if item.kept else "red")
-    return table("Requirements", columns, rows, styles=styles)
+    which = f", the worst of {draws} draws" if draws > 1 else ""
+    return table(f"Requirements{which}", columns, rows, styles=styles)
 
 
 def _quantity(value: float | None, unit: str) -> str:

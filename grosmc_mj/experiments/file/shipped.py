@@ -76,6 +76,20 @@ def find_file(name: str) -> Path:
     raise ArgumentError(f"{unknown}, or a path that ends in .toml")
 
 
+def written_beside(case: Path, out: Path, name: str) -> Path:
+    """Return the path of a case file that a command writes: beside its case, whose files it names.
+
+    Nothing is written beside a case of the package.
+
+    Args:
+        case: The case file.
+        out: Folder of the command's results, for a case of the package.
+        name: Name of the new file.
+    """
+    folder = out if case.resolve().is_relative_to(CASES) else case.parent
+    return folder / name
+
+
 def base_file(system: str) -> Path | None:
     """Return the file that the cases of a system share, with the numbers of its laws."""
     for path in CASES.glob(f"*/{_BASE}"):

@@ -198,6 +198,12 @@ def _comment(campaign: Campaign, plant: ChosenPlant) -> str:
     for quantity, value, nominal in campaign.pairs_as_run(plant.values):
         number = f"{quantity.name} = {value!r} {quantity.unit}".rstrip()
         lines.append(f"{number} (nominal {nominal!r})")
+    loop = campaign.experiment.loop
+    if loop is not None and loop.drawn:
+        lines.append(
+            "The campaign made one run of it, that of --draws 1; run alone judges it by the worst "
+            "of several draws of its loop."
+        )
     return "".join(f"# {line}\n" for line in lines)
 
 

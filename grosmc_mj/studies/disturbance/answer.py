@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -273,25 +272,22 @@ def _verdict(rows: Sequence[WorstDisturbance], *, complete: bool) -> Any:
 # -- case files ------------------------------------------------------------------------------------
 
 
-def require_replayable(study: DisturbanceStudy, folder: Path) -> None:
-    """Refuse a folder for case files that lack the files beside the target.
+def require_replayable(study: DisturbanceStudy) -> None:
+    """Refuse a case of the package that names files beside it, where nothing is written.
 
     Raises:
-        ArgumentError: With the folder that has them.
+        ArgumentError: With the copy that can be studied.
     """
     path = study.experiment.path
     file = study.experiment.file
     model = file.plant.model
     laws = [file.law(law).law for law in study.experiment.controllers]
     beside = any(map(is_named, (*named_in(file), *laws))) or (model and ":" not in model)
-    if not beside or folder.resolve() == path.parent.resolve():
-        return
-    if path in shipped_files().values():
+    if beside and path in shipped_files().values():
         raise ArgumentError(
             f"{study.experiment.target} names files beside it, and nothing is written there: copy "
-            f"{path.parent}, and study {path.name} of the copy with its folder as --out"
+            f"{path.parent}, and study {path.name} of the copy"
         )
-    raise ArgumentError(f"{path} names files beside it: give --out {path.parent}")
 
 
 def case_text(study: DisturbanceStudy, worst: WorstDisturbance) -> str:

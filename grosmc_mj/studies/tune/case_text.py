@@ -10,7 +10,7 @@ from pathlib import Path
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.content import Content
 from grosmc_mj.experiments.file.reading import case_file_of
-from grosmc_mj.experiments.file.shipped import CASES, shipped_files
+from grosmc_mj.experiments.file.shipped import shipped_files, written_beside
 from grosmc_mj.experiments.file.text import text_of
 from grosmc_mj.experiments.requirement_tables import kinds_in
 from grosmc_mj.studies.tune.numbers import TunableLaw
@@ -24,9 +24,7 @@ def tuned_path(experiment: Experiment, out: Path, name: str) -> Path:
         out: Folder of the results.
         name: Name of the file.
     """
-    path = experiment.path
-    folder = out if path.is_relative_to(CASES) else path.parent
-    return folder / name
+    return written_beside(experiment.path, out, name)
 
 
 def case_text(

@@ -547,8 +547,10 @@ def test_a_wrong_option_is_refused_in_one_line(tmp_path, capsys: Screen, options
 def test_case_files_of_ones_own_python_lie_beside_it(tmp_path, capsys: Screen) -> None:
     path = linear(tmp_path)
     command = ("study", "disturbance", path, "--on", "u", "--bound", "1 A")
-    assert run(*command, "--out", tmp_path / "elsewhere") == 2
-    assert "give --out" in capsys.readouterr().err
+    assert run(*command, "--out", tmp_path / "elsewhere") == 1
+    case = tmp_path / "disturbance_linear_law.toml"
+    assert str(case) in capsys.readouterr().out
+    assert Experiment.load(case).path.parent == tmp_path
 
 
 def test_a_film_of_a_case_without_mujoco_is_refused(tmp_path, capsys: Screen) -> None:

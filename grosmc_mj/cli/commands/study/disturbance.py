@@ -84,7 +84,7 @@ class DisturbanceCommand(FilmedStudyCommand["DisturbanceStudy", "WorstDisturbanc
             pieces=self.pieces,
             bounded=self.largest,
         )
-        require_replayable(study, self.out)
+        require_replayable(study)
         if self.film:
             require_filmable(study, self.film)
         return study
@@ -101,6 +101,7 @@ class DisturbanceCommand(FilmedStudyCommand["DisturbanceStudy", "WorstDisturbanc
         self, study: DisturbanceStudy, rows: Sequence[WorstDisturbance], path: Path
     ) -> Sequence[Path]:
         """Draw the figure and write the case files."""
+        from grosmc_mj.experiments.file.shipped import written_beside
         from grosmc_mj.ground.files import atomic_write, name_in_files
         from grosmc_mj.output.charts.figure import write_chart
         from grosmc_mj.output.charts.of_results import panels_chart
@@ -112,7 +113,8 @@ class DisturbanceCommand(FilmedStudyCommand["DisturbanceStudy", "WorstDisturbanc
 
         files = [figure]
         for worst in rows:
-            file = path.with_name(f"{path.stem}_{name_in_files(worst.law)}.toml")
+            name = f"{path.stem}_{name_in_files(worst.law)}.toml"
+            file = written_beside(study.experiment.path, path.parent, name)
             with atomic_write(file) as part:
                 part.write_text(case_text(study, worst), encoding="utf-8")
             files.append(file)
