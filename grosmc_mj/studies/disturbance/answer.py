@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.file.content import read_content
+from grosmc_mj.experiments.file.content import Content, read_content
+from grosmc_mj.experiments.file.paths import place_of
+from grosmc_mj.experiments.file.schema import UncertainTable
 from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.file.text import text_of
 from grosmc_mj.experiments.file.user_code import is_named, named_in
@@ -179,7 +181,7 @@ def charts(study: DisturbanceStudy, worst: WorstDisturbance) -> list[LineChart]:
 
         some = np.unique(np.linspace(0, len(run.time) - 1, _POINTS).astype(int))
         time = run.time[some].tolist()
-        profile = case.disturbances[-1].profile
+        profile = disturbance.applied_in(case).profile
         values = [disturbance.bound * profile(t) for t in time[:-1]]
         course = signals_of(run, law, [signal])[signal][some]
         signals.append(Series(name=name, x=time[:-1], y=values))
@@ -306,12 +308,38 @@ def case_text(study: DisturbanceStudy, worst: WorstDisturbance) -> str:
     if worst.law not in [table.called for table in study.experiment.file.controller]:
         content["controller"].append({"law": worst.law})
 
-    tables = content.setdefault("disturbance", [])
-    if disturbance.replaced is not None:
-        tables.pop(disturbance.replaced_index)
-    tables.append(_disturbance_table(disturbance, case.disturbances[-1]))
+    applied = _disturbance_table(disturbance, disturbance.applied_in(case))
+    if disturbance.replaced is None:
+        content.setdefault("disturbance", []).append(applied)
+    else:
+        _replace(content, disturbance.replaced_index, applied)
     share = f"{worst.share!r} of {worst.words}"
     return f"# {title} under {worst.law}: {share}.\n{text_of(content)}"
+
+
+def _replace(content: Content, index: int, applied: Content) -> None:
+    """Put a table in the place of a disturbance, of which nothing is uncertain any more."""
+    certain = []
+    kept = []
+    for table in content.pop("uncertain", []):
+        place = place_of(content, table["number"])
+        of_replaced = place.owner == "disturbance" and place.row == index
+        (certain if of_replaced else kept).append(table)
+    if kept:
+        content["uncertain"] = kept
+
+    names = {UncertainTable.model_validate(table).called for table in certain}
+    pairs = content.pop("correlation", [])
+    correlated = [pair for pair in pairs if names.isdisjoint(pair["between"])]
+    if correlated:
+        content["correlation"] = correlated
+
+    tables = content["disturbance"]
+    label = tables[index].get("label")
+    if label and [table.get("label") for table in tables].count(label) > 1:
+        # Other numbers are counted among the tables of this label.
+        applied["label"] = label
+    tables[index] = applied
 
 
 def _title(study: DisturbanceStudy) -> str:

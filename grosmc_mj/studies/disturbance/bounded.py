@@ -43,7 +43,7 @@ class BoundedDisturbance:
         slew: Bound of its rate, in the unit a second; infinite for none.
         starts: Bound of the deviation of each state at the start, by index.
         replaced: The case's own disturbance at this place; None if there is none.
-        replaced_index: Its place among the case's disturbances.
+        replaced_index: Its place among the case's disturbances; -1 if there is none.
     """
 
     experiment: Experiment
@@ -102,8 +102,14 @@ class BoundedDisturbance:
             x0[index] += part * bound
         unit_disturbance: Any = self.unit_disturbance
         disturbance = replace(unit_disturbance, profile=profile, label=f"worst on {self.place}")
-        disturbances = (*self.experiment.disturbances, disturbance)
-        return self.experiment.changed(x0=tuple(x0), disturbances=disturbances)
+        disturbances = list(self.experiment.disturbances)
+        place = len(disturbances) if self.replaced is None else self.replaced_index
+        disturbances.insert(place, disturbance)
+        return self.experiment.changed(x0=tuple(x0), disturbances=tuple(disturbances))
+
+    def applied_in(self, case: Experiment) -> AnyDisturbance:
+        """Return the disturbance in one of its cases: at the replaced one's place, or the last."""
+        return case.disturbances[self.replaced_index]
 
     def case_of(self, signal: Array) -> Experiment:
         """Return the case with a signal of the search: pieces, then deviations of the start."""
