@@ -38,6 +38,7 @@ class RecoversWithin(Requirement):
     options = ("state", "band")
     needs_band = True
     recorded = True
+    of_onsets = True
     not_in_logs = "a log does not have the onsets of disturbances"
 
     band: float

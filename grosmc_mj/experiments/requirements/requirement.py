@@ -37,6 +37,7 @@ class Requirement:
         usual_metric: Name of the limited metric, if it is one of every run.
         not_in_logs: Reason why no log of the machine decides it; empty if one may.
         of_actuators: Whether it is about the range of the actuators, not about the task.
+        of_onsets: Whether it is about instants at which disturbances begin or end.
         recorded: Whether it is measured on a recorded run, not accumulated during the run.
         undefined: Reason why there is no value where the metric is infinite.
         number: The largest value allowed.
@@ -57,6 +58,7 @@ class Requirement:
     usual_metric: ClassVar[str] = ""
     not_in_logs: ClassVar[str] = ""
     of_actuators: ClassVar[bool] = False
+    of_onsets: ClassVar[bool] = False
     recorded: ClassVar[bool] = False
     needs_band: ClassVar[bool] = False
     undefined: ClassVar[str] = ""

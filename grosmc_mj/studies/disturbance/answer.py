@@ -247,7 +247,7 @@ def disturbance_result(
         question=f"Worst disturbance of {target}",
         verdict=_verdict(rows, complete=complete),
         words=verdict(study, rows),
-        notes=list(lines.values()),
+        notes=[*lines.values(), *study.not_asked],
     )
     return result(
         "disturbance",
@@ -321,22 +321,24 @@ def _replace(content: Content, index: int, applied: Content) -> None:
     """Put a table in the place of a disturbance, of which nothing is uncertain any more."""
     certain = []
     kept = []
-    for table in content.pop("uncertain", []):
-        place = place_of(content, table["number"])
-        of_replaced = place.owner == "disturbance" and place.row == index
-        (certain if of_replaced else kept).append(table)
+    for uncertain in content.pop("uncertain", []):
+        place = place_of(content, uncertain["number"])
+        if place.owner == "disturbance" and place.row == index:
+            certain.append(UncertainTable.model_validate(uncertain).called)
+        else:
+            kept.append(uncertain)
     if kept:
         content["uncertain"] = kept
 
-    names = {UncertainTable.model_validate(table).called for table in certain}
     pairs = content.pop("correlation", [])
-    correlated = [pair for pair in pairs if names.isdisjoint(pair["between"])]
+    correlated = [pair for pair in pairs if not set(certain) & set(pair["between"])]
     if correlated:
         content["correlation"] = correlated
 
     tables = content["disturbance"]
-    label = tables[index].get("label")
-    if label and [table.get("label") for table in tables].count(label) > 1:
+    labels = [load.get("label") for load in tables]
+    label = labels[index]
+    if label and labels.count(label) > 1:
         # Other numbers are counted among the tables of this label.
         applied["label"] = label
     tables[index] = applied

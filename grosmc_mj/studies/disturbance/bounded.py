@@ -29,6 +29,8 @@ from grosmc_mj.theory.plants import System
 # Values in a piece of a signal with a bounded rate.
 _LEVELS = 20
 _AXES = "xyz"
+# A value that moves nothing, and with which a table acts.
+_NEARLY_NOTHING = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,8 +141,18 @@ class BoundedDisturbance:
 
     @property
     def compared_case(self) -> Experiment:
-        """Case with that disturbance, at the bound."""
-        return self.case_with(Constant() if self.replaced is None else self.replaced.profile)
+        """Case with that disturbance, at the bound.
+
+        Like the one that is searched it counts as acting from the start, so that both are asked
+        the same: else the transient ends at the onset of a pulse, and begins anew there.
+        """
+        if self.replaced is None:
+            return self.case_with(Constant())
+        profile = self.replaced.profile
+        steps = round(self.experiment.duration / self.timestep)
+        values = [float(profile(step * self.timestep)) for step in range(steps)]
+        values[0] = values[0] or _NEARLY_NOTHING
+        return self.case_with(Table(tuple(values), self.timestep))
 
 
 def bounded_disturbance(

@@ -87,9 +87,32 @@ class DisturbanceStudy(Study[WorstDisturbance]):
     def limits(self, law: str) -> tuple[Requirement, ...]:
         """Return the requirements of a law that the disturbance is to miss."""
         limits = of_laws(self.experiment.limits, {law})
+        return tuple(limit for limit in limits if not self._why_not_asked(limit, law))
+
+    def _why_not_asked(self, limit: Requirement, law: str) -> str:
+        """Return the reason why a requirement of a law is not searched; empty if it is."""
+        if limit.of_onsets:
+            return "of a disturbance that begins and ends, and this one may act at any time"
         if self.requirement:
-            return tuple(limit for limit in limits if limit.key == self.requirement)
-        return tuple(limit for limit in limits if not limit.of_actuators)
+            return "" if limit.key == self.requirement else "another one is named"
+
+        error = self.experiment.law(self.plant, law).design
+        inputs = {signal.name for signal in self.experiment.nominal.system.inputs}
+        of_inputs = error is not None and inputs.issuperset(limit.watched(error.error))
+        return "of the input alone" if limit.of_actuators or of_inputs else ""
+
+    @property
+    def not_asked(self) -> list[str]:
+        """A line for each requirement that is not searched, unless one is named."""
+        if self.requirement:
+            return []
+        lines: dict[str, None] = {}
+        for law in self.experiment.controllers:
+            for limit in of_laws(self.experiment.limits, {law}):
+                reason = self._why_not_asked(limit, law)
+                if reason:
+                    lines[f"not asked: {limit.words}: it is {reason}"] = None
+        return list(lines)
 
     def with_required_laws(self, named: Sequence[str]) -> DisturbanceStudy:
         """Return the study of the named laws, or else of those of which something is required.
@@ -100,7 +123,7 @@ class DisturbanceStudy(Study[WorstDisturbance]):
         required = [law for law in self.experiment.controllers if self.limits(law)]
         for law in named or required[:1] or self.experiment.controllers[:1]:
             if law not in required:
-                words = "nothing is required"
+                words = "nothing that may be searched is required"
                 if self.requirement:
                     words = f"{self.requirement} is not required"
                 raise ArgumentError(f"{self.experiment.path}: {words} of {law}")

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import control
@@ -11,7 +14,9 @@ import pytest
 from commands import Screen, assert_one_line, run
 
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.requirements.judging import judge_run
+from grosmc_mj.studies import campaign as cases_of_campaigns
 from grosmc_mj.studies.disturbance.answer import (
     answer_table,
     case_text,
@@ -23,6 +28,7 @@ from grosmc_mj.studies.disturbance.answer import (
 from grosmc_mj.studies.disturbance.disturbance import DisturbanceStudy, disturbance_study
 from grosmc_mj.studies.disturbance.row import WorstDisturbance
 from grosmc_mj.studies.disturbance.signal_search import SignalSearch
+from grosmc_mj.studies.sweep.family import family_of
 
 # L = 25/(s^3 + 10 s^2 + 10 s + 10) under unit feedback, and a disturbance of its input.
 PLANT = """
@@ -78,6 +84,16 @@ torque = ["0 N m", "0.5 N m", "0 N m"]
 profile = "pulse"
 start = "1 s"
 stop = "4 s"
+label = "push"
+[[uncertain]]
+number = "edit.rotor.mass_scale"
+values = [1, 2]
+[[uncertain]]
+number = "disturbance.push.scale"
+values = [0, 1]
+[[correlation]]
+between = ["rotor mass scale", "push scale"]
+coefficient = 0.5
 [[controller]]
 law = "lqr"
 [[controller]]
@@ -310,6 +326,9 @@ def test_the_case_file_replays_what_was_found(tmp_path, capsys: Screen) -> None:
     for found in document["verdicts"]:
         case = Experiment.load(tmp_path / f"disturbance_held_{found['law']}.toml")
         assert len(case.disturbances) == 1
+        # Of the load that was replaced nothing is uncertain any more.
+        assert family_of(case.file, case).names == ["rotor mass scale"]
+        assert not case.file.correlation
         (limit,) = case.limits
         shares = {
             plant: judge_run(limit, case.run(plant, found["law"])).share
@@ -318,6 +337,118 @@ def test_the_case_file_replays_what_was_found(tmp_path, capsys: Screen) -> None:
         assert shares == {"corrected": found["share"], "physics": found["confirmed"]}
     by_law = {found["law"]: found["share"] for found in document["verdicts"]}
     assert by_law["grosmc"] < 1 < by_law["lqr"]
+
+
+def found_by_nobody(study: DisturbanceStudy) -> WorstDisturbance:
+    """Return a signal of six pieces for the first law of a study, which no search has found."""
+    signal = [1.0, -1.0, 0.5, 1.0, -1.0, -0.25]
+    runs = {"pieces": 6, "runs": 1, "change": 0.0}
+    shares = dict.fromkeys(("calm_share", "compared_share", "search_share"), 0.0)
+    return WorstDisturbance(
+        law=study.experiment.controllers[0],
+        step="worst disturbance",
+        share=1.0,
+        telegraph_share=0.0,
+        bound=study.disturbance.bound,
+        signal=signal,
+        **runs,
+        **shares,
+    )
+
+
+def places_of(case: Experiment) -> dict[str, str]:
+    """Return a bound by place: of the file's own loads, a body, an input and a measurement."""
+    system = case.nominal.system
+    bounds = {signal.name: f"1 {signal.unit}" for signal in (system.inputs[0], system.states[0])}
+    bodies = [load.of for load in case.disturbances if load.of in system.bodies]
+    return {**bounds, **dict.fromkeys([*bodies, *system.bodies[-1:]], "1 N")}
+
+
+CASES = dict(shipped_files())
+CAMPAIGNS = Path(cases_of_campaigns.__path__[0], "shipped").glob("*.toml")
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        *(pytest.param(path, id=f"campaign {path.stem}") for path in sorted(CAMPAIGNS)),
+        *(pytest.param(path, id=name, marks=pytest.mark.slow) for name, path in CASES.items()),
+    ],
+)
+def test_the_case_file_of_each_kind_of_load_is_valid(path: Path, tmp_path: Path) -> None:
+    """It has the signal at the place of the load, and all that is uncertain of it exists."""
+    folder = tmp_path / path.parent.name
+    shutil.copytree(path.parent, folder)
+    case = Experiment.load(path)
+    if not case.file.requirement:
+        pytest.skip("nothing is required")
+    for on, bound in places_of(case).items():
+        study = disturbance_study(str(path), on, bound)
+        found = found_by_nobody(study)
+        written = folder / "found.toml"
+        written.write_text(case_text(study, found), encoding="utf-8")
+        replayed = Experiment.load(written)
+        expected = study.disturbance.case_of(np.array(found.signal))
+        assert list(replayed.disturbances) == list(expected.disturbances)
+        if replayed.file.uncertain:
+            family_of(replayed.file, replayed)
+
+
+def test_a_load_that_is_not_replaced_keeps_its_place_and_its_numbers(tmp_path) -> None:
+    """Two loads of one label are told apart by their index in a path."""
+    second = HELD[HELD.index("[[disturbance]]") : HELD.index("[[uncertain]]")]
+    second = second.replace('body = "rotor"', 'input = "current"')
+    second = second.replace('torque = ["0 N m", "0.5 N m", "0 N m"]', 'amplitude = "0.1 A"')
+    text = HELD.replace("[[uncertain]]", f"{second}[[uncertain]]", 1)
+    text = text.replace("disturbance.push.scale", "disturbance.push[2].scale")
+    text = text.replace('"push scale"', '"push[2] scale"')
+    path = tmp_path / "two.toml"
+    path.write_text(text)
+    study = disturbance_study(str(path), "rotor", "1 N m")
+    path.write_text(case_text(study, found_by_nobody(study)))
+    replayed = Experiment.load(path)
+    assert [load.of for load in replayed.disturbances] == ["rotor", "current"]
+    assert family_of(replayed.file, replayed).names == ["rotor mass scale", "push[2] scale"]
+
+
+# -- one requirement on both sides -----------------------------------------------------------------
+
+SETTLES = HELD.replace('"rotor angle" = "1 rad"', '"rotor angle" = "0.9 rad"').replace(
+    'stays_within = "20 mrad"', 'settles_within = "3 s"\nband = "20 mrad"\nFURTHER'
+)
+
+
+def settling(folder: Path, further: str = "") -> DisturbanceStudy:
+    """Return the study of a rotor that settles, with further requirements."""
+    path = folder / "settles.toml"
+    path.write_text(SETTLES.replace("FURTHER", further))
+    return disturbance_study(str(path), "rotor", "0.5 N m", ["lqr"])
+
+
+def test_the_pulse_of_the_file_is_asked_what_the_worst_signal_is(tmp_path) -> None:
+    """The rotor under LQR leaves its band in the pulse, which the file's transient ends before."""
+    study = settling(tmp_path)
+    case = study.disturbance.compared_case
+    assert case.onset == study.disturbance.case_of(np.ones(40)).onset == math.inf
+    own = Experiment.load(study.experiment.path)
+    pulse = own.run("corrected", "lqr").trajectory.state
+    # Equal but for the denormal torque of the first step.
+    course = case.run("corrected", "lqr").trajectory.state
+    np.testing.assert_allclose(course, pulse, rtol=0, atol=1e-300)
+    (share,) = study.shares("lqr", [case])
+    assert share > 1
+
+
+def test_what_no_disturbance_of_any_course_is_asked_is_said(tmp_path) -> None:
+    further = 'recovers_within = "1 s"\n[[requirement]]\nalways = "abs(current) < 1 A"'
+    study = settling(tmp_path, further)
+    assert [limit.key for limit in study.limits("lqr")] == ["settles_within"]
+    (recovery, formula) = sorted(study.not_asked, reverse=True)
+    assert recovery.startswith("not asked: recovers within 1 s")
+    assert formula.startswith("not asked: always abs(current)")
+    assert formula.endswith("it is of the input alone")
+    named = replace(study, requirement="always")
+    assert [limit.key for limit in named.limits("lqr")] == ["always"]
 
 
 def test_the_film_shows_the_worst_disturbance_beside_the_compared_one(tmp_path) -> None:
