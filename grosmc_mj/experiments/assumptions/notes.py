@@ -111,8 +111,8 @@ def _neglected_poles(results: Sequence[RunResult]) -> Iterator[str]:
         if design is not None and design.neglected:
             poles = ", ".join(f"{pole:.3g}" for pole in map(_real_if_so, design.neglected))
             yield (
-                f"gains of {result.controller.name} are computed without the plant's pole at "
-                f"{poles} 1/s, which is much faster than what is asked for"
+                f"gains of {result.controller.name} leave out the plant's pole at {poles} 1/s: "
+                "much faster than what is asked for"
             )
 
 
