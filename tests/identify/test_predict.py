@@ -314,9 +314,9 @@ def test_a_value_outside_has_the_digits_that_tell_it_from_the_spread(
 
 # Measured and predicted values, and what is written of them.
 WRITTEN = [
-    (2.5, [1.0, 2.0, 1.5], True, ("2.5", "1.5", "1 to 2", "outside", ""), "red"),
-    (1.75, [1.0, 2.0, 1.5], True, ("1.75", "1.5", "1 to 2", "", ""), ""),
-    (2.5, [1.0, 2.0, 1.5], False, ("2.5", "1.5", "1 to 2", "outside", "not required"), ""),
+    (2.5, [1.0, 2.0, 1.25], True, ("2.5", "1.25", "1 to 2", "outside", ""), "red"),
+    (1.75, [1.0, 2.0, 1.25], True, ("1.75", "1.25", "1 to 2", "", ""), ""),
+    (2.5, [1.0, 2.0, 1.25], False, ("2.5", "1.25", "1 to 2", "outside", "not required"), ""),
     (np.inf, [1.0, np.inf, np.inf], True, ("never", "never", "1 to never", "", ""), ""),
 ]
 

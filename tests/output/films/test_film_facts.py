@@ -75,7 +75,7 @@ class BlindRenderer:
     def update_scene(self, *_: Any) -> None:
         """Show nothing."""
 
-    def render(self) -> Array:
+    def render(self) -> Any:
         return np.zeros((8, 8, 3), np.uint8)
 
 

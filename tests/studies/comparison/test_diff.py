@@ -27,6 +27,7 @@ from grosmc_mj.studies.comparison.changes import Change, Effect
 from grosmc_mj.studies.comparison.comparison import compare
 from grosmc_mj.studies.comparison.intervals import (
     CONFIDENCE,
+    ChangeInterval,
     other_plants_mean,
     other_plants_rate,
     same_plants_mean,
@@ -622,6 +623,23 @@ def test_an_interval_of_a_rate_on_the_same_plants_is_that_of_the_plants_that_cha
     high = stats.beta.isf(tail, won + 1, lost)
     assert interval.low == pytest.approx((2 * low - 1) * changed / 1000)
     assert interval.high == pytest.approx((2 * high - 1) * changed / 1000)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "counts", "words", "is_change"),
+    [
+        (-0.0314, -0.00123, "", "change -0.031 to -0.0012 (99 % interval)", True),
+        (0.0123, 0.25, "1 of 8 plants lost, 3 won", "change 0.012 to 0.25 (99 % interval)", True),
+        (-0.5, 0.25, "", "change -0.5 to 0.25 (99 % interval)", False),
+        (0.0, 0.25, "", "change 0 to 0.25 (99 % interval)", False),
+    ],
+)
+def test_an_interval_is_a_change_if_zero_is_not_in_it_and_has_two_digits(
+    low: float, high: float, counts: str, words: str, is_change: bool
+) -> None:
+    interval = ChangeInterval(low, high, counts)
+    assert interval.excludes_zero == is_change
+    assert interval.words == (f"{counts}; {words}" if counts else words)
 
 
 def test_a_rate_on_the_same_plants_without_a_change_has_an_interval_of_zero() -> None:

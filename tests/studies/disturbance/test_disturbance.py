@@ -201,6 +201,17 @@ def test_a_slewed_disturbance_keeps_both_bounds(tmp_path) -> None:
     assert len(values) * profile.hold >= 5
 
 
+@pytest.mark.parametrize("slew", ["", "2 N m/s"])
+def test_pieces_are_the_shortest_whole_timesteps_that_fill_the_run(tmp_path, slew) -> None:
+    """Seven in 5 s, of one value each or of twenty; a timestep less would end before the run."""
+    known = disturbance_study(str(held(tmp_path)), "rotor", "1 N m", slew=slew).disturbance
+    values = 7 * (20 if slew else 1)
+    steps = known.hold(7) / 0.5e-3
+    assert steps == pytest.approx(round(steps), abs=1e-9)
+    assert values * (round(steps) - 1) * 0.5e-3 < 5 <= values * round(steps) * 0.5e-3
+    assert len(known.profile(np.ones(7)).values) == values
+
+
 def test_the_slew_bound_scales_with_the_bound(tmp_path) -> None:
     """In parts of its bound a signal is the same, so that the time to the bound is."""
     known = disturbance_study(str(held(tmp_path)), "rotor", "0.5 N m", slew="2 N m/s").disturbance

@@ -46,7 +46,7 @@ def hole(points: Array) -> Array:
 
 def test_the_worst_start_is_followed_first_and_leads_to_the_worst_point() -> None:
     """The runs are enough for four starts, and all others lead nowhere."""
-    starts = np.array([[0.0, 0.0, 0.0]] * 7 + [[0.375, 0.25, 0.75]])
+    starts = np.array([[0.0, 0.0, 0.0]] * 7 + [[0.5, 0.25, 0.875]])
     search = CompassSearch(hole, CUBE)
     search.descend(starts, search.judge(starts), 8 + 4 * 6 * 8)
     assert search.point.tolist() == [0.5, 0.25, 0.75]
