@@ -26,8 +26,8 @@ class DiffCommand(AnsweringCommand):
     are compared by the plants that were lost and won, with an interval of the change. diff.json
     goes to --out, and grosmc-mj report shows it.
 
-    Exit code: 0 if nothing got worse beyond noise, 1 if something did or is gone, 2 if the results
-    cannot be compared.
+    Exit code: 0 if nothing got worse beyond noise, 1 if something did, 2 if the results cannot be
+    compared. What the new results did not measure is listed, and is not worse.
 
     Attributes:
         old: Results before.

@@ -247,9 +247,9 @@ def campaign_changes(old: CampaignRows, new: CampaignRows) -> tuple[list[Change]
 
 
 def one_sided_change(name: str, *, gone: bool) -> Change:
-    """Return the change of a campaign or a margin that one side lacks: worse if it is gone."""
+    """Return the change of a campaign or a margin that one side has not measured."""
     if gone:
-        return Change("campaign", name, "there", None, Effect.WORSE, note=GONE)
+        return Change("campaign", name, "there", None, Effect.NOT_MEASURED)
     return Change("campaign", name, None, "there", Effect.NEW)
 
 

@@ -11,7 +11,7 @@ from grosmc_mj.ground.versions import DECISIVE
 from grosmc_mj.output.page.reading import Document
 from grosmc_mj.output.results.result import Result, Value
 
-# Note on a value that the new results do not have.
+# Note on a number that runs of the new results no longer have.
 GONE = "gone"
 # Changes by rounding on one machine: relative, and absolute in the unit of the value.
 _ROUNDING = (1e-6, 1e-9)
@@ -25,11 +25,13 @@ _SEEDLESS = ("validation", "claims")
 class Effect(Enum):
     """Effect of a change.
 
-    A value that is gone is ``WORSE``. ``UNJUDGED`` is a change between single runs with other
+    A number that a run no longer has, because it ends early, is ``WORSE``; a value of which the new
+    results say nothing is ``NOT_MEASURED``. ``UNJUDGED`` is a change between single runs with other
     seeds: they do not show how much such runs scatter.
     """
 
     WORSE = "worse"
+    NOT_MEASURED = "not measured"
     BETTER = "better"
     CHANGED = "changed"
     UNJUDGED = "not judged"
@@ -96,8 +98,8 @@ def changes(old: Sequence[Document], new: Sequence[Document]) -> tuple[list[Chan
             effect = Effect.NEW
             changed.append(Change(kind, name, None, new_value.value, effect, new_value.unit))
         elif new_value is None:
-            effect = Effect.WORSE
-            changed.append(Change(kind, name, old_value.value, None, effect, old_value.unit, GONE))
+            effect = Effect.NOT_MEASURED
+            changed.append(Change(kind, name, old_value.value, None, effect, old_value.unit))
         elif old_value.value != new_value.value:
             conditions = _conditions(kind, old, new)
             changed.append(_judged(kind, old_value, new_value, conditions))

@@ -55,7 +55,7 @@ class ResultComparison(NamedTuple):
 
     @property
     def worse(self) -> list[Change]:
-        """Changes for the worse beyond noise, and values that are gone."""
+        """Changes for the worse beyond noise."""
         return [change for change in self.changes if change.effect is Effect.WORSE]
 
 
@@ -149,7 +149,8 @@ def _source(value: Any) -> str:
 
 def comparison_result(comparison: ResultComparison) -> Result:
     """Return the comparison as a result."""
-    columns = [*words("change"), *phrases("of"), *numbers("before", "after"), *words("unit")]
+    sides = _sides(comparison.old, comparison.new)
+    columns = [*words("change"), *phrases("of"), *numbers(*sides), *words("unit")]
     rows = [
         (
             change.effect.value,
@@ -176,6 +177,13 @@ def comparison_result(comparison: ResultComparison) -> Result:
         sources=comparison.sources,
         notices=comparison.notices,
     )
+
+
+def _sides(old: Path, new: Path) -> tuple[str, str]:
+    """Return the names of both sides: of their files or folders, or their paths if these agree."""
+    if old.name and new.name and old.name != new.name:
+        return old.name, new.name
+    return str(old), str(new)
 
 
 def _answer(comparison: ResultComparison) -> Answer:

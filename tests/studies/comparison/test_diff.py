@@ -24,7 +24,7 @@ from grosmc_mj.studies.campaign.findings import SampledRuns
 from grosmc_mj.studies.campaign.radius import Radius, ScaleTrial, radius_result
 from grosmc_mj.studies.comparison.campaigns import CampaignRows, campaign_changes, campaign_rows
 from grosmc_mj.studies.comparison.changes import Change, Effect
-from grosmc_mj.studies.comparison.comparison import compare
+from grosmc_mj.studies.comparison.comparison import compare, comparison_result
 from grosmc_mj.studies.comparison.intervals import (
     CONFIDENCE,
     ChangeInterval,
@@ -119,8 +119,8 @@ def test_changes_come_by_their_effect_and_of_one_effect_by_their_relative_size()
         ({"deviation": 9e-3, "machine": "there"}, {"deviation": CHANGED}),
         # A single run of another seed tells nothing.
         ({"margin": 0.5, "seed": 7}, {"margin": UNJUDGED}),
-        # A missing value is worse.
-        ({"without": "x: margin"}, {"margin": WORSE}),
+        # What was not asked again was not measured; a run that ends early has lost its number.
+        ({"without": "x: margin"}, {"margin": Effect.NOT_MEASURED}),
         ({"deviation": None}, {"deviation": WORSE}),
     ],
 )
@@ -231,6 +231,28 @@ def test_a_case_in_a_file_of_another_name_is_compared(
     assert [change.name for change in compared.worse] == [names[1]]
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "sides"),
+    [("monday", "friday", ["monday", "friday"]), ("a/renders", "b/renders", None)],
+    ids=["two names", "one name"],
+)
+def test_both_sides_are_named_by_their_folders(
+    old: str, new: str, sides: list[str] | None, tmp_path: Path
+) -> None:
+    """Folders of one name are told apart by their paths; what is not measured is not worse."""
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    before = written(tmp_path / old, run_document())
+    after = written(tmp_path / new, run_document(without="x: margin"))
+    compared = compare(before, after)
+    assert not compared.worse
+    result = comparison_result(compared)
+    headers = [column.header for column in result.sheets[0].table.columns]
+    assert headers[2:4] == (sides or [str(before), str(after)])
+    assert result.answers[0].words.startswith("Nothing got worse")
+    assert "1 not measured" in result.answers[0].words
+
+
 def test_two_cases_are_not_taken_for_two_others(tmp_path: Path) -> None:
     for folder, number in (("old", 1), ("new", 3)):
         names = [f"s/v{number} lqr: a", f"s/v{number + 1} lqr: a", "s/both lqr: a"]
@@ -240,14 +262,14 @@ def test_two_cases_are_not_taken_for_two_others(tmp_path: Path) -> None:
     assert compare(tmp_path / "old", tmp_path / "new").compared == 1
 
 
-def test_a_campaign_that_is_gone_is_worse(tmp_path: Path) -> None:
+def test_a_campaign_that_is_gone_was_not_measured(tmp_path: Path) -> None:
     old = written(tmp_path / "old", run_document())
     new = written(tmp_path / "new", run_document())
     (old / "campaigns" / "servo").mkdir(parents=True)
     (old / "campaigns" / "servo" / "manifest.json").write_text("{}")
     (gone,) = compare(old, new).changes
     assert gone.name == "campaigns/servo"
-    assert gone.effect is WORSE
+    assert gone.effect is Effect.NOT_MEASURED
     (added,) = compare(new, old).changes
     assert added.effect is NEW
 
@@ -397,10 +419,13 @@ OTHER_LAW = replace(CAMPAIGN, rows={"lqr": COLUMNS}, plants={"lqr": PLANTS})
 
 
 @pytest.mark.parametrize(("new", "count"), [(FEWER, 1), (OTHER_LAW, 2)], ids=["margin", "law"])
-def test_a_margin_that_a_campaign_no_longer_has_is_worse(new: CampaignRows, count: int) -> None:
+def test_a_margin_that_a_campaign_no_longer_has_was_not_measured(
+    new: CampaignRows, count: int
+) -> None:
     changes, _ = campaign_changes(CAMPAIGN, new)
-    worse = [change for change in changes if change.effect is WORSE]
-    assert [change.after for change in worse] == [None] * count
+    gone = [change for change in changes if change.effect is Effect.NOT_MEASURED]
+    assert [change.after for change in gone] == [None] * count
+    assert not [change for change in changes if change.effect is WORSE]
 
 
 def test_a_margin_that_only_the_new_campaign_has_is_new() -> None:
