@@ -412,13 +412,29 @@ _SEEN = Stroke(ORANGE, 1.3)
 _MOST_IN_ONE_COLUMN = 3
 
 
+def binding_first(
+    panels: Sequence[ShownQuantity], results: Sequence[RunResult]
+) -> list[ShownQuantity]:
+    """Return panels, the first one that of the requirement that is nearest to its limit or past it.
+
+    Their order is kept where no panel shows it, or nothing is required.
+    """
+    judgements = [item for run in results for item in run.requirements]
+    if not judgements:
+        return list(panels)
+    shown_with = max(judgements, key=lambda item: item.share).requirement.shown_with
+    binding = [panel for panel in panels if shown_with in panel.shows][:1]
+    return [*binding, *(panel for panel in panels if not any(panel is one for one in binding))]
+
+
 def experiment_chart(results: Sequence[RunResult]) -> Chart:
     """Return the chart of all runs of a case file over time.
 
-    A panel whose requirement is not kept has a frame and names the requirement. Above the first
-    one stand those that no panel shows, such as a cost.
+    It opens with the panel of the requirement that binds. A panel whose requirement is not kept has
+    a frame and names the requirement. Above the first one stand those that no panel shows, such as
+    a cost.
     """
-    quantities = panels_of(results)
+    quantities = binding_first(panels_of(results), results)
     columns = 1
     width = _WIDTH
     if len(results[0].comparison.outputs) > _MOST_IN_ONE_COLUMN:
