@@ -64,7 +64,7 @@ def words_of(study: DisturbanceStudy, worst: WorstDisturbance) -> str:
     switches = counted(worst.switches, "switch", "switches")
     line = (
         f"{worst.law}: {calm}{worst.share:.3g} of {worst.words}, {beside}; {switches}; "
-        f"{worst.runs} runs, and random telegraph signals in as many reach "
+        f"{counted(worst.runs, 'run')}, and random telegraph signals in as many reach "
         f"{worst.telegraph_share:.3g}"
     )
     if worst.change > AGREES:
