@@ -303,7 +303,8 @@ def test_the_words_have_share_ratio_switches_runs_and_the_largest_bound(tmp_path
     study = disturbance_study(str(held(tmp_path)), "rotor", "0.5 N m", ["lqr"])
     line = (
         "lqr: 1.5 of stays within 20 mrad, 2.5 times a 3 s pulse; 2 switches; "
-        "88 runs, and random telegraph signals in as many reach 1.2{}; all is kept up to 0.2 and not at 0.21 N m"
+        "88 runs, and random telegraph signals in as many reach 1.2{}; "
+        "all is kept up to 0.2 and not at 0.21 N m"
     )
     assert words_of(study, WORST) == line.format("")
     doubted = WORST.model_copy(update={"change": 0.051})
