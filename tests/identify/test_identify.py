@@ -33,6 +33,7 @@ from grosmc_mj.experiments.logs.read import read_log
 from grosmc_mj.experiments.logs.table import LogTable
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, ImplausibleWarning
+from grosmc_mj.identify import hidden
 from grosmc_mj.identify.case_file import write_case
 from grosmc_mj.identify.compare import PredictionError, best_model, prediction_errors
 from grosmc_mj.identify.fit import Fit, fit, slip
@@ -631,6 +632,15 @@ def test_of_friction_and_offset_a_motion_one_way_shows_the_difference(tmp_path: 
     assert "only shaft friction - 0.667 times offset amplitude is visible" in weak.words
 
 
+def test_changes_that_cancel_each_other_are_told_for_one_unit_of_the_first() -> None:
+    members = [
+        hidden._Member("mass", "kg", 2.0, 0.4),
+        hidden._Member("friction", "N m", 0.5, -0.1),
+        hidden._Member("scale", "1", 1.0, 0.05),
+    ]
+    assert hidden._changes(members) == "mass by 1 kg, friction by -0.25 N m, scale by 0.125"
+
+
 # Jacobians of two parameters, whose null direction is (1, change).
 @pytest.mark.parametrize(
     ("values", "change", "words"),
@@ -642,6 +652,7 @@ def test_of_friction_and_offset_a_motion_one_way_shows_the_difference(tmp_path: 
         ((0.0, 2.0), 1.0, "only their difference is visible"),
         ((0.0, 0.0), -1.0, "only their sum is visible"),
         ((0.5, 2.0), 0.5, "only {0} - 2 times {1} is visible"),
+        ((0.5, 2.0), -0.4, "only {0} + 2.5 times {1} is visible"),
     ],
 )
 def test_the_visible_combination_is_what_the_null_direction_leaves_as_it_is(

@@ -21,7 +21,7 @@ from grosmc_mj.studies.campaign.map import PassMap, map_axes, pass_map_chart
 from grosmc_mj.studies.campaign.paired import paired, paired_table
 from grosmc_mj.studies.campaign.radius import Radius, ScaleTrial, chart
 from grosmc_mj.studies.sweep.margin_summary import margin_summary, margins_table
-from grosmc_mj.studies.sweep.pass_rates import pass_rate, pass_rates_table
+from grosmc_mj.studies.sweep.pass_rates import PassRate, pass_rate, pass_rates_table
 from grosmc_mj.studies.sweep.runs import COMPLETED
 from grosmc_mj.studies.sweep.sampled import ALL, DESIGN, NO_PROOF, SampledRuns
 
@@ -383,6 +383,15 @@ def test_the_requirement_that_fails_most_comes_first() -> None:
 def test_a_pass_rate_is_shown_with_its_interval_and_least_margin() -> None:
     row = RATES.rows[-1]
     assert row == [SETTLES, "grosmc", "512 of 512", "100", "99.28 .. 100.00", "0.5 s"]
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "shown"),
+    [(0.123499, 0.987601, "12.34 .. 98.77"), (0.12345, 0.9876, "12.34 .. 98.76")],
+)
+def test_an_interval_is_rounded_outwards(low: float, high: float, shown: str) -> None:
+    """So the one that is shown covers the exact one."""
+    assert PassRate(3, 4, 0.75, low, high, 0.95).interval("..") == shown
 
 
 def test_only_all_of_the_runs_are_100_percent_and_only_none_is_0() -> None:

@@ -40,17 +40,17 @@ def test_a_kink_is_found_to_a_step() -> None:
 
 def hole(points: Array) -> Array:
     """A plain with a hole that only the last start lies in."""
-    distance = np.abs(points - [0.5, 0.25, 0.75]).max(axis=1)
-    return np.where(distance < 0.2, 8 * distance - 3.0, 1.0)
+    distance = np.abs(points - [0.5, 0.25, 0.75]).sum(axis=1)
+    return np.where(distance < 0.4, 8 * distance - 4.0, 1.0)
 
 
 def test_the_worst_start_is_followed_first_and_leads_to_the_worst_point() -> None:
-    """The runs are enough for four starts, and all others lead nowhere."""
-    starts = np.array([[0.0, 0.0, 0.0]] * 7 + [[0.5, 0.25, 0.875]])
+    """It is three steps away; the runs are enough for four starts, and all others lead nowhere."""
+    starts = np.array([[0.0, 0.0, 0.0]] * 7 + [[0.375, 0.125, 0.875]])
     search = CompassSearch(hole, CUBE)
     search.descend(starts, search.judge(starts), 8 + 4 * 6 * 8)
     assert search.point.tolist() == [0.5, 0.25, 0.75]
-    assert search.order == -3.0
+    assert search.order == -4.0
 
 
 @pytest.mark.parametrize("most", [4, 50, 200])
