@@ -55,9 +55,10 @@ from grosmc_mj.ground.errors import (
     Mistakes,
     MistakesError,
     placed,
+    unknown_name,
 )
 from grosmc_mj.ground.fields import Is
-from grosmc_mj.ground.units import in_units
+from grosmc_mj.ground.units import in_units, number_in
 from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.mechanics.machine import MachinePart
 from grosmc_mj.mechanics.machine.motor import Motor
@@ -90,6 +91,9 @@ _OF_FILE = (
     "known_loop",
     "run_number",
 )
+
+# Attributes and settings in seconds, which may be given as texts with a unit.
+_TIMES = ("duration", "control_period", "timestep")
 
 # Claims and campaigns ask for the same loops thousands of times.
 _apply_loop = lru_cache(maxsize=512)(apply_loop)
@@ -338,14 +342,21 @@ class Experiment:
         """Return the limits in the tables of a kind."""
         laws = [self.laws[self.plant_names[0], name] for name in self._declared]
         mistakes = Mistakes()
-        required = mistakes.each(kind, tables, lambda table: self._limits_of(table, laws))
+        base = self.file.base_of(kind)
+        make = partial(self._limits_of, laws=laws, base=base)
+        required = mistakes.each(kind, tables, make, base)
         mistakes.refuse()
         return list(chain.from_iterable(required))
 
-    def _limits_of(self, table: RequirementTable, laws: Sequence[Controller]) -> list[Requirement]:
-        """Return the limits in a table."""
+    def _limits_of(
+        self, table: RequirementTable, laws: Sequence[Controller], base: str
+    ) -> list[Requirement]:
+        """Return the limits in a table of the file, or of the file named that it extends."""
         for name in table.of or ():
-            require_known("controller", name, self._declared)
+            if name not in self._declared:
+                unknown = unknown_name("controller", name, self._declared)
+                remedy = f"; tables of your own replace those of {base}" if base else ""
+                raise ArgumentError(f"{unknown}{remedy}")
         for name in table.on or ():
             require_known("plant", name, self.plant_names)
         end = self.file.run.duration
@@ -572,7 +583,8 @@ class Experiment:
                 that the file does not have is added.
             laws: Controllers and ``[laws]`` of the file that are run; none for all controllers.
             values: Fields of ``Settings``, of which those that are None stay, and attributes,
-                such as ``x0``, ``duration``, ``edits``, ``disturbances``, whose laws stay.
+                such as ``x0``, ``duration``, ``edits``, ``disturbances``, whose laws stay. A time
+                is a number [s] or a text with a unit.
 
         Raises:
             ArgumentError: If there is no such path, law, setting or attribute, or the file could
@@ -610,6 +622,9 @@ class Experiment:
         asked = set()
         for name, value in values.items():
             require_known("attribute or setting", name, [*settings, *attributes])
+            if name in _TIMES and isinstance(value, str):
+                with placed(f"{name}: "):
+                    value = number_in(value, "s")
             if name in attributes:
                 yield (name,), value
             elif value is not None:

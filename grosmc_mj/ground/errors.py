@@ -107,12 +107,24 @@ class Mistakes:
             self.note(f"{where}{error}")
 
     def each(
-        self, kind: str, tables: Iterable[Any], make: Callable[[Any], Returned]
+        self,
+        kind: str,
+        tables: Iterable[Any],
+        make: Callable[[Any], Returned],
+        base: str = "",
     ) -> list[Returned]:
-        """Return what is made of each table of a kind; mistakes are noted with its number."""
+        """Return what is made of each table of a kind; mistakes are noted with its number.
+
+        Args:
+            kind: Kind of the tables.
+            tables: The tables.
+            make: Function of one of them.
+            base: Name of the file that they are taken from, if it is another one.
+        """
+        owner = f" of {base}" if base else ""
         made = []
         for index, table in enumerate(tables):
-            with self.gathered(f"{kind} {index + 1}: "):
+            with self.gathered(f"{kind} {index + 1}{owner}: "):
                 made.append(make(table))
         return made
 

@@ -24,7 +24,7 @@ from grosmc_mj.experiments.file.reading import parse_case_file, read_case_file
 from grosmc_mj.experiments.file.text import complete_text, text_of
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.experiments.settings import Settings
-from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.ground.errors import ArgumentError, GrosmcError
 from grosmc_mj.ground.units import number_in
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 
@@ -430,3 +430,37 @@ def test_short_lists_are_written_in_one_line(value: list[object], text: str):
     written = text_of({"k": value})
     assert written.startswith(text)
     assert tomllib.loads(written) == {"k": value}
+
+
+# Requirements that a base has for its own laws.
+
+OWN_LAWS = (
+    'extends = "cart_pendulum/case1"\n[run]\nduration = "0.02 s"\n[[controller]]\nlaw = "{}"\n'
+)
+
+
+def test_a_law_of_the_base_s_requirements_that_the_file_lacks_is_told_with_its_base(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(OWN_LAWS.format("lqr"), encoding="utf-8")
+    with pytest.raises(ArgumentError) as refused:
+        Experiment.load(path)
+    line = str(refused.value).removeprefix(f"{path}: ")
+    assert line.startswith("requirement 1 of cart_pendulum/case1: unknown controller 'grosmc'")
+    assert line.endswith("; tables of your own replace those of cart_pendulum/case1")
+
+
+@pytest.mark.parametrize(
+    ("table", "mistake"),
+    [
+        ('[[edit]]\nbody = "nobody"\nmass_scale = 2', "edit 1 of common.toml: "),
+        ('[[disturbance]]\nbody = "nobody"\nforce = ["1 N", "0 N", "0 N"]', "disturbance 1 of "),
+    ],
+)
+def test_a_mistake_in_a_table_of_the_base_names_the_base(
+    table: str, mistake: str, tmp_path: Path
+) -> None:
+    path = extended(tmp_path, common=f"{COMMON}\n{table}\n")
+    with pytest.raises(GrosmcError, match=mistake):
+        Experiment.load(path)

@@ -32,6 +32,7 @@ def notes_on(experiment: Experiment, results: Sequence[RunResult]) -> list[str]:
     on_truest = [result for result in results if result.plant == truest]
 
     notes = list(experiment.not_judged)
+    notes += _unasked(experiment)
     notes += idle_loads(on_truest)
     notes += _unmeasured(experiment)
     notes += growth(experiment, [result.controller for result in on_truest])
@@ -54,6 +55,27 @@ def notes_on_plant(experiment: Experiment, plant: Plant) -> list[str]:
         plant: Its truest plant.
     """
     return [*_exact_rates(experiment), *_creeping_friction(plant)]
+
+
+def _unasked(experiment: Experiment) -> Iterator[str]:
+    """Yield a line on laws of which nothing is required, by an extended file that has others.
+
+    A file that names the laws of its requirements itself has left the others out on purpose.
+    """
+    file = experiment.file
+    base = file.base_of("requirement")
+    if not base or file.base_of("controller"):
+        return
+
+    asked: set[str] = set()
+    for requirement in experiment.required:
+        asked.update(requirement.laws)
+    unasked = [name for name in experiment.controllers if name not in asked]
+    if unasked:
+        yield (
+            f"nothing is required of {name_list(unasked)}: the requirements of {base} are of "
+            f"{name_list(sorted(asked))}; a [[requirement]] of your own replaces them"
+        )
 
 
 def _unmeasured(experiment: Experiment) -> Iterator[str]:

@@ -12,7 +12,13 @@ from __future__ import annotations
 from pathlib import Path, PureWindowsPath
 from typing import Any
 
-from grosmc_mj.experiments.file.shipped import CASES, base_file, name_in_package, shipped_files
+from grosmc_mj.experiments.file.shipped import (
+    CASES,
+    base_file,
+    name_for_people,
+    name_in_package,
+    shipped_files,
+)
 from grosmc_mj.experiments.file.toml_text import values_of_text
 from grosmc_mj.ground.errors import ArgumentError, unknown_name, value_text
 from grosmc_mj.ground.files import is_there, require_regular
@@ -28,7 +34,7 @@ def read_content(path: Path) -> Content:
         ArgumentError: If one of the files cannot be read, is no TOML, lies elsewhere, or extends
             itself.
     """
-    return _merged_layers(layers_of(path))
+    return merged_layers(layers_of(path))
 
 
 def content_of_text(text: str, path: Path) -> Content:
@@ -41,7 +47,7 @@ def content_of_text(text: str, path: Path) -> Content:
     Raises:
         ArgumentError: If it is no TOML.
     """
-    return _merged_layers(_with_system_base({path: values_of_text(text, path)}))
+    return merged_layers(_with_system_base({path: values_of_text(text, path)}))
 
 
 def layers_of(path: Path) -> dict[Path, Content]:
@@ -67,6 +73,34 @@ def layers_of(path: Path) -> dict[Path, Content]:
             _name_files_in_package(content, file)
         files[file] = content
     return _with_system_base(files)
+
+
+def merged_layers(layers: dict[Path, Content]) -> Content:
+    """Return the values of files, of which the first counts the most."""
+    content: Content = {}
+    for own in reversed(layers.values()):
+        # A name is never taken over: results are kept under it.
+        content.pop("name", None)
+        content = merged(content, own)
+    return content
+
+
+def taken_over(layers: dict[Path, Content]) -> dict[str, str]:
+    """Return the files from which a case file takes whole values, such as arrays of tables.
+
+    Args:
+        layers: Values of the case file and of those that it extends, see ``layers_of``.
+
+    Returns:
+        Names of the files by key: SYSTEM/CASE of the package, or the name of a file.
+    """
+    own, *bases = layers
+    taken: dict[str, str] = {}
+    for path in bases:
+        for key, value in layers[path].items():
+            if key not in layers[own] and not isinstance(value, dict):
+                taken.setdefault(key, name_for_people(path))
+    return taken
 
 
 def _extended_file(name: Any, path: Path, above: list[Path]) -> Path:
@@ -148,19 +182,9 @@ def merged(base: Content, content: Content) -> Content:
 
 def _with_system_base(files: dict[Path, Content]) -> dict[Path, Content]:
     """Return files, of which each extends the next, with the base file of their system."""
-    plant = _merged_layers(files).get("plant")
+    plant = merged_layers(files).get("plant")
     system = plant.get("system") if isinstance(plant, dict) else None
     base = base_file(system) if isinstance(system, str) else None
     if base is None or base in files:
         return files
     return {**files, base: values_of_text(read_text(base), base)}
-
-
-def _merged_layers(layers: dict[Path, Content]) -> Content:
-    """Return the values of files, of which the first counts the most."""
-    content: Content = {}
-    for own in reversed(layers.values()):
-        # A name is never taken over: results are kept under it.
-        content.pop("name", None)
-        content = merged(content, own)
-    return content

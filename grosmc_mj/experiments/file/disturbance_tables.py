@@ -59,7 +59,7 @@ def disturbances_of(file: Any, system: System, folder: Path) -> tuple[AnyDisturb
     """
     mistakes = Mistakes()
     make = partial(_acting, system=system, folder=folder, end=file.run.duration)
-    disturbances = mistakes.each("disturbance", file.disturbance, make)
+    disturbances = mistakes.each("disturbance", file.disturbance, make, file.base_of("disturbance"))
     mistakes.refuse()
     return tuple(disturbances)
 

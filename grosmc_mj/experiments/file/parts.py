@@ -204,7 +204,8 @@ def machine_of_file(file: Any, system: System) -> tuple[MachinePart, ...]:
     parts: list[MachinePart] = []
     mistakes = Mistakes()
     for kind in MACHINE_PARTS:
-        parts += mistakes.each(kind, getattr(file, kind), partial(read, system=system))
+        tables = getattr(file, kind)
+        parts += mistakes.each(kind, tables, partial(read, system=system), file.base_of(kind))
     mistakes.refuse()
     return tuple(parts)
 

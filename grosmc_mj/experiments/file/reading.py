@@ -8,7 +8,13 @@ from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from grosmc_mj.experiments.file.content import Content, content_of_text, read_content
+from grosmc_mj.experiments.file.content import (
+    Content,
+    content_of_text,
+    layers_of,
+    merged_layers,
+    taken_over,
+)
 from grosmc_mj.experiments.file.former_keys import written_today
 from grosmc_mj.experiments.file.schema import CaseFile, file_name
 from grosmc_mj.ground.errors import ArgumentError, MistakesError, together, unknown_name
@@ -21,7 +27,10 @@ def read_case_file(path: Path) -> CaseFile:
     Raises:
         ArgumentError: If it cannot be read, is no TOML, or does not fit the tables.
     """
-    return case_file_of(read_content(path), path)
+    layers = layers_of(path)
+    file = case_file_of(merged_layers(layers), path)
+    file._taken_over = taken_over(layers)
+    return file
 
 
 def parse_case_file(text: str, path: Path) -> CaseFile:

@@ -568,6 +568,8 @@ class CaseFile(_WithParts):
     measured: list[MeasuredTable] = []
     # Values as they are written, from which the file with another number is read.
     _content: Content = PrivateAttr(default_factory=dict)
+    # Names of the files that it extends, by the keys that are theirs.
+    _taken_over: dict[str, str] = PrivateAttr(default_factory=dict)
 
     def __eq__(self, other: object) -> bool:
         """Whether two files have the same tables, however they are written."""
@@ -577,6 +579,10 @@ class CaseFile(_WithParts):
     def content(self) -> Content:
         """Values as they are written in the file and in those that it extends."""
         return self._content
+
+    def base_of(self, key: str) -> str:
+        """Return the name of the extended file from which an array of tables comes, or nothing."""
+        return self._taken_over.get(key, "")
 
     def law(self, name: str) -> ControllerTable:
         """Return a controller of the file by its name, or else a law by its name.

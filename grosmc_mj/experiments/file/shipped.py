@@ -103,6 +103,13 @@ def name_in_package(path: Path) -> str:
     return f"{_PACKAGE.name}:{path.relative_to(_PACKAGE).as_posix()}"
 
 
+def name_for_people(path: Path) -> str:
+    """Return SYSTEM/CASE of a case file of the package, and the name of any other file."""
+    if path.is_relative_to(CASES):
+        return path.relative_to(CASES).with_suffix("").as_posix()
+    return path.name
+
+
 def starter() -> str:
     """Return a case file with every key explained."""
     return (CASES / "starter.toml").read_text(encoding="utf-8")

@@ -324,3 +324,32 @@ def test_no_law_on_all_states_holds_one_that_the_input_does_not_reach(
     path.write_text(text, encoding="utf-8")
     with pytest.raises(ArgumentError, match=f"LQR: {UNREACHED}"):
         Experiment.load(path)
+
+
+INHERITED = """
+extends = "servo/case1"
+[run]
+duration = "0.02 s"
+[[controller]]
+law = "pd"
+frequency = "3 rad/s"
+[[controller]]
+law = "grosmc"
+"""
+
+
+def test_a_law_of_which_the_base_requires_nothing_is_named(tmp_path: Path) -> None:
+    experiment = read(tmp_path, INHERITED)
+    lines = [line for line in notes_on(experiment, list(experiment.runs())) if "nothing is" in line]
+    assert len(lines) == 1
+    assert lines[0].startswith("nothing is required of pd: the requirements of servo/case1 are of ")
+
+
+@pytest.mark.parametrize("own", ["", '[[requirement]]\nof = ["grosmc"]\nstays_within = "2 rad"\n'])
+def test_a_file_that_requires_something_of_some_laws_itself_is_taken_at_its_word(
+    own: str, tmp_path: Path
+) -> None:
+    text = INHERITED + own if own else 'extends = "servo/case1"\n[run]\nduration = "0.02 s"\n'
+    experiment = read(tmp_path, text)
+    notes = notes_on(experiment, list(experiment.runs()))
+    assert not [line for line in notes if line.startswith("nothing is required")]
