@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import copy
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any
+from pathlib import Path
+from typing import Any, TypedDict, Unpack
 
 import mujoco
 import numpy as np
@@ -19,10 +20,11 @@ from numpy.typing import ArrayLike
 from grosmc_mj.environments.signals import Index, Signals, input_label
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.ground.arguments import reals
+from grosmc_mj.ground.arguments import reals, require_known
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.ground.errors import ArgumentError, SetupError
+from grosmc_mj.ground.errors import ArgumentError, SetupError, placed
 from grosmc_mj.ground.fields import Range
+from grosmc_mj.ground.units import number_in
 from grosmc_mj.ground.wording import titled
 from grosmc_mj.mechanics.physics.hooks import refuse_foreign_callback, warnings_counted_only
 from grosmc_mj.output.films.offscreen import BACKENDS, render_here
@@ -43,6 +45,43 @@ _TRIES = 1000
 
 # NumPy's new and old generators alike.
 Random = np.random.Generator | np.random.RandomState
+
+
+# A system, SYSTEM/CASE, the path of a case file, or an experiment.
+Target = str | Path | Experiment
+
+
+class EpisodeOptions(TypedDict, total=False):
+    """Options of an environment; numbers are in SI units, texts have their own, ``"10 ms"``.
+
+    Attributes:
+        control_period: Time between two actions [s], a multiple of the timestep; the case's own
+            by default.
+        timestep: Physics timestep [s]; the case's own by default.
+        spread: Half widths of the starts about the case's own, (n,), in the states' units, or
+            one number for all of them; 0 by default.
+        action_limit: Largest magnitude of each action, (m,) or one number, in the inputs' units,
+            where the actuators' own limits are wider.
+    """
+
+    control_period: float | str | None
+    timestep: float | str | None
+    spread: ArrayLike
+    action_limit: ArrayLike | None
+
+
+def refuse_unknown_options(options: Mapping[str, Any], further: Sequence[str] = ()) -> None:
+    """Refuse an option that no environment has.
+
+    Args:
+        options: The options.
+        further: Options beside those of an episode.
+
+    Raises:
+        ArgumentError: With the valid options.
+    """
+    for name in options:
+        require_known("option", name, [*EpisodeOptions.__annotations__, *further])
 
 
 class HeldAction:
@@ -69,16 +108,10 @@ class Episode:
     """One case under somebody else's actions: a closed loop whose law holds the last action.
 
     Args:
-        target: A system, with one of its cases as the task; or SYSTEM/CASE or the path of a case
-            file, which is a task itself.
+        target: A system, with one of its cases as the task; or an experiment, SYSTEM/CASE or the
+            path of a case file, which are tasks themselves.
         task: Name of one of a system's cases, by default the nominal one, or an experiment.
-        control_period: Time between two actions [s], a multiple of the timestep; the case's own
-            by default.
-        timestep: Physics timestep [s]; the case's own by default.
-        spread: Half widths of the starts about the case's own, (n,), in the states' units, or
-            one number for all of them.
-        action_limit: Largest magnitude of each action, (m,) or one number, in the inputs' units,
-            where the actuators' own limits are wider.
+        options: See ``EpisodeOptions``.
 
     Attributes:
         case: The case.
@@ -93,21 +126,18 @@ class Episode:
 
     Raises:
         ModelError: If there is no such system.
-        ArgumentError: If there is no such case, or a number does not fit.
+        ArgumentError: If there is no such case or option, or a number does not fit.
     """
 
     def __init__(
         self,
-        target: str,
+        target: Target,
         task: str | Experiment | None = None,
-        *,
-        control_period: float | None = None,
-        timestep: float | None = None,
-        spread: ArrayLike = 0.0,
-        action_limit: ArrayLike | None = None,
+        **options: Unpack[EpisodeOptions],
     ) -> None:
+        refuse_unknown_options(options)
         experiment = _experiment(target, task).changed(
-            control_period=control_period, timestep=timestep
+            control_period=options.get("control_period"), timestep=options.get("timestep")
         )
         settings = experiment.settings
         self.case = experiment
@@ -134,7 +164,8 @@ class Episode:
             disturbances=self.case.disturbances,
         )
 
-        self.low, self.high = self._limits(action_limit)
+        self.low, self.high = self._limits(options.get("action_limit"))
+        spread = options.get("spread", 0.0)
         self._spread = _numbers("spread", spread, self.plant.system.states, Range(0))
         x0 = np.array(self.case.x0)
         why = self.undefined(x0)
@@ -241,18 +272,18 @@ class Episode:
         applied: what is beyond the limits is cut.
 
         Args:
-            action: (m,), in the units of the system's inputs.
+            action: (m,), in the units of the system's inputs; one number for a single input.
 
         Raises:
             ArgumentError: If it is not m finite numbers.
         """
         u = reals(action)
-        if u.shape != self.low.shape or not np.all(np.isfinite(u)):
+        if u.size != self.low.size or not np.all(np.isfinite(u)):
             raise ArgumentError(
                 f"action {action!r} must be {len(self.low)} finite number(s) in an array of shape "
                 f"{self.low.shape}: {input_label(self.plant.system)}"
             )
-        applied = np.clip(u, self.low, self.high)
+        applied = np.clip(u.reshape(self.low.shape), self.low, self.high)
         self._held.action[:] = applied
 
         # The case's duration may end before the next sample.
@@ -339,8 +370,14 @@ class Episode:
         self._renderers.clear()
 
 
-def _experiment(target: str, task: str | Experiment | None) -> Experiment:
+def _experiment(target: Target, task: str | Experiment | None) -> Experiment:
     """The experiment of a target, or of a case of a system."""
+    if isinstance(target, Path):
+        target = str(target)
+    if isinstance(target, Experiment):
+        if task is not None:
+            raise ArgumentError(f"{target.target} is an experiment already: leave out task")
+        return target
     if isinstance(task, Experiment):
         system = find_system(target).name
         if task.system != system:
@@ -367,7 +404,8 @@ def _numbers(
     bound: Range,
 ) -> Array:
     """A number for each signal, of which one may stand for all, within a bound."""
-    numbers = reals(value)
+    with placed(f"{name}: "):
+        numbers = reals(_without_units(value, signals))
     count = len(signals)
     fits = numbers.shape in {(), (count,)}
     if not fits or not all(map(bound.holds, numbers.ravel().tolist())):
@@ -376,3 +414,15 @@ def _numbers(
             f"{name} = {value!r} must be one number or {count}, {bound.wanted}: {labels}"
         )
     return np.broadcast_to(numbers, (count,))
+
+
+def _without_units(value: Any, signals: Sequence[Signal]) -> Any:
+    """Texts with a unit as numbers in the signals' units; a single text stands for all signals."""
+    if isinstance(value, str):
+        value = [value] * len(signals)
+    if not isinstance(value, (list, tuple)) or len(value) != len(signals):
+        return value
+    return [
+        number_in(item, signal.unit) if isinstance(item, str) else item
+        for item, signal in zip(value, signals, strict=True)
+    ]

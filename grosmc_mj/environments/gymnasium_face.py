@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Unpack
 
 import gymnasium
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike
 
-from grosmc_mj.environments.episode import Episode
+from grosmc_mj.environments.episode import Episode, EpisodeOptions, Target, refuse_unknown_options
 from grosmc_mj.environments.signals import input_label
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.ground.arguments import reals
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, unknown_name
 
@@ -26,20 +27,21 @@ class CaseEnv(gymnasium.Env[Named, Array]):
     ``info["ended"]`` says why, ``info["units"]`` gives the unit of every entry observed.
 
     Args:
-        system: A system, SYSTEM/CASE or the path of a case file.
+        system: A system, SYSTEM/CASE, the path of a case file or an experiment.
         task: Name of one of a system's cases, or an experiment.
         normalized: Whether actions are parts of their limits, from -1 to 1, instead of inputs in
             their own units.
         render_mode: ``rgb_array`` for pictures by ``render()`` of a model in MuJoCo, or None.
         size: Width and height of a picture.
-        options: ``control_period``, ``timestep``, ``spread`` and ``action_limit`` of ``Episode``.
+        options: ``control_period``, ``timestep``, ``spread`` and ``action_limit``, numbers in SI
+            units or texts such as ``"10 ms"``; see ``EpisodeOptions``.
 
     Attributes:
         episode: What happens between two resets.
 
     Raises:
         ModelError: If there is no such system.
-        ArgumentError: If there is no such case, or an argument does not fit.
+        ArgumentError: If there is no such case or option, or an argument does not fit.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012  as Gymnasium has it
@@ -49,14 +51,15 @@ class CaseEnv(gymnasium.Env[Named, Array]):
 
     def __init__(
         self,
-        system: str,
+        system: Target,
         task: str | Experiment | None = None,
         *,
         normalized: bool = False,
         render_mode: str | None = None,
         size: tuple[int, int] = (640, 480),
-        **options: Any,
+        **options: Unpack[EpisodeOptions],
     ) -> None:
+        refuse_unknown_options(options, ["normalized", "render_mode", "size"])
         self.episode = episode = Episode(system, task, **options)
         if episode.undrawable:
             self.metadata = {**self.metadata, "render_modes": []}
@@ -126,7 +129,7 @@ class CaseEnv(gymnasium.Env[Named, Array]):
         if episode.over:
             raise ArgumentError("the episode is over: reset it")
 
-        episode.hold(self._middle + self._half_width * np.asarray(action, float))
+        episode.hold(self._middle + self._half_width * reals(action))
         episode.advance(episode.problem.stride)
         terminated = bool(episode.ended)
         truncated = episode.over and not terminated

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Unpack
 
-from grosmc_mj.environments.episode import Episode
+from grosmc_mj.environments.episode import Episode, EpisodeOptions, Target, refuse_unknown_options
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.ground.errors import SetupError
 
@@ -14,31 +14,33 @@ if TYPE_CHECKING:
 
 
 def load(
-    target: str,
+    target: Target,
     task: str | Experiment | None = None,
     *,
     seed: int | None = None,
-    **options: Any,
+    **options: Unpack[EpisodeOptions],
 ) -> Environment:
     """Load a case as a dm_control environment, with its edits and disturbances.
 
     A law that runs in it gets the states and inputs that ``simulate`` gives it, bit for bit.
 
     Args:
-        target: ``servo``, ``cart_pendulum``, ``arm`` or ``two_link_arm``; or ``SYSTEM/CASE``, or
-            the path of a case file, on a model in MuJoCo or on equations.
+        target: ``servo``, ``cart_pendulum``, ``arm`` or ``two_link_arm``; or an experiment,
+            ``SYSTEM/CASE``, or the path of a case file, on a model in MuJoCo or on equations.
         task: Name of one of a system's cases, the nominal one by default, or an experiment.
         seed: Of the starts, which ``task.random`` draws; None for other starts each time.
-        options: ``control_period``, ``timestep``, ``spread`` and ``action_limit`` of ``Episode``.
+        options: ``control_period``, ``timestep``, ``spread`` and ``action_limit``, numbers in SI
+            units or texts such as ``"10 ms"``; see ``EpisodeOptions``.
 
     Returns:
         The environment; ``environment.task.ended`` says why an episode ended early.
 
     Raises:
         ModelError: If there is no such system.
-        ArgumentError: If there is no such case, or a number does not fit.
+        ArgumentError: If there is no such case or option, or a number does not fit.
         SetupError: If dm_control is not installed.
     """
+    refuse_unknown_options(options, ["seed"])
     episode = Episode(target, task, **options)
     try:
         with warnings.catch_warnings():

@@ -293,12 +293,39 @@ def test_an_action_beyond_the_declared_limit_is_cut() -> None:
     assert reward_and_speed(environment, 3.0) != at_limit
 
 
-@pytest.mark.parametrize("action", [[math.nan], 1.0, [1.0, 2.0], None])
+@pytest.mark.parametrize("action", [[math.nan], "full", [1.0, 2.0], None])
 def test_an_action_is_m_finite_numbers(action: Any) -> None:
     environment = CaseEnv("servo", action_limit=4.0)
     environment.reset()
     with pytest.raises(ArgumentError, match=r"must be 1 finite number.*\(1,\): current \[A\]$"):
         environment.step(action)
+
+
+@pytest.mark.parametrize("one", [3.0, np.float64(3.0), (3.0,)])
+def test_one_number_is_an_action_of_a_single_input_as_of_a_policy_s_law(one: Any) -> None:
+    """The rule of ``policy_controller``."""
+    environment = CaseEnv("servo", action_limit=4.0)
+    environment.reset()
+    _, reward, *_ = environment.step(one)
+    assert reward == reward_and_speed(environment, 3.0)[0]
+
+
+@pytest.mark.parametrize("face", [load, CaseEnv])
+def test_an_experiment_with_other_numbers_is_a_case(face: Any) -> None:
+    heavier = of_case(cut("servo", "nominal", 0.01)).changed({"edit.rotor.mass_scale": 3.0})
+    environment = face(heavier)
+    episode = environment.episode if face is CaseEnv else environment.task.episode
+    assert episode.case.edits == heavier.edits != ()
+
+
+@pytest.mark.parametrize("face", [load, CaseEnv])
+def test_options_have_units_as_in_a_case_file(face: Any) -> None:
+    options = {"control_period": "10 ms", "action_limit": "500 mA", "spread": ["1 deg", 0.2]}
+    environment = face("servo", **options)
+    episode = environment.episode if face is CaseEnv else environment.task.episode
+    assert episode.problem.control_period == 0.01
+    assert episode.high.tolist() == [0.5]
+    assert episode._spread.tolist() == [math.radians(1), 0.2]
 
 
 def starts(*target: Any, seed: int, spread: Any, count: int = 20) -> Array:
@@ -566,6 +593,7 @@ def test_sensors_quantize_observations() -> None:
     [
         (("cart_pendulm",), ModelError, "unknown system 'cart_pendulm': did you mean 'cart_p"),
         (("servo", "case3"), ArgumentError, "unknown case of servo 'case3': did you mean"),
+        ((of_case(find_case("arm", "case1")), "case2"), ArgumentError, "leave out task"),
         (("servo", of_case(find_case("arm", "case1"))), ArgumentError, "'case1' is one of arm"),
     ],
 )
@@ -588,6 +616,11 @@ def test_a_start_where_the_plant_is_singular_is_refused() -> None:
     ("face", "target", "options", "words"),
     [
         (load, "servo", {"spread": [0.1] * 3}, "must be one number or 2, finite and"),
+        (load, "servo", {"control_dt": 0.01}, "unknown option 'control_dt': did you mean 'contr"),
+        (CaseEnv, "servo", {"renders": 1}, "spread, action_limit, normalized, render_mode, size"),
+        (load, "servo", {"control_period": "10 m"}, 'control_period: "10 m" cannot be converted'),
+        (load, "servo", {"action_limit": "4 N"}, 'action_limit: "4 N" cannot be converted to A'),
+        (load, "servo", {"spread": "1 deg"}, 'spread: "1 deg" cannot be converted to rad/s'),
         (load, "servo", {"spread": -1}, "not negative: rotor angle [rad], rotor speed"),
         (load, "servo", {"action_limit": 0.0}, "one number or 1, finite and positive"),
         (CaseEnv, "servo", {"normalized": True}, "normalized actions need limits, curr"),

@@ -454,8 +454,8 @@ def test_a_law_of_the_base_s_requirements_that_the_file_lacks_is_told_with_its_b
 @pytest.mark.parametrize(
     ("table", "mistake"),
     [
-        ('[[edit]]\nbody = "nobody"\nmass_scale = 2', "edit 1 of common.toml: "),
-        ('[[disturbance]]\nbody = "nobody"\nforce = ["1 N", "0 N", "0 N"]', "disturbance 1 of "),
+        ('[[requirement]]\ndeviation_below = "1 m"', "requirement 1 of common.toml: "),
+        ('[[disturbance]]\ninput = "no"\namplitude = "1 N m"', "disturbance 1 of common.toml: "),
     ],
 )
 def test_a_mistake_in_a_table_of_the_base_names_the_base(
