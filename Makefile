@@ -132,13 +132,17 @@ tolerance: $(INSTALLED)  ## Find the largest imperfections of each bench, and wr
 	cp renders/tolerance_cart_pendulum_bench.png docs/figures/tolerance_cart_pendulum.png
 
 MACHINES := servo cart_pendulum arm two_link_arm
+TUNED := servo arm
+TUNED_LAWS := lqr lqi fl-pid adrc sign implicit boundary-layer super-twisting 'grosmc adaptive'
+LADDERS := $(MACHINES:%=renders/ladder_%_machine.json) $(TUNED:%=renders/ladder_%_tuned.json)
 
 ladder: $(INSTALLED)  ## Find where each law fails on each machine, and write docs/ladder_tables.md anew
 	$(foreach machine,$(MACHINES),{ $(BIN)/grosmc-mj study ladder $(machine) --rivals --loaded --resume || test $$? = 1; } &&) true
 	$(BIN)/grosmc-mj study ladder jaco/machine --laws lqr implicit "implicit, predicted" --resume || test $$? = 1
+	$(foreach machine,$(TUNED),{ $(BIN)/grosmc-mj study ladder $(machine)/tuned --laws $(TUNED_LAWS) --resume || test $$? = 1; } &&) true
 	$(BIN)/python -m grosmc_mj.cli.pages ladders docs/ladder_tables.md $(MACHINES:%=renders/ladder_%_machine.json) renders/ladder_jaco_machine.json
-	$(BIN)/python -m grosmc_mj.cli.pages failures docs/ladder.md $(MACHINES:%=renders/ladder_%_machine.json)
-	$(BIN)/python -m grosmc_mj.cli.pages "few failures" README.md $(MACHINES:%=renders/ladder_%_machine.json)
+	$(BIN)/python -m grosmc_mj.cli.pages failures docs/ladder.md $(LADDERS)
+	$(BIN)/python -m grosmc_mj.cli.pages "few failures" README.md $(LADDERS)
 	for machine in servo cart_pendulum; do cp renders/ladder_$${machine}_machine.png docs/figures/ladder_$$machine.png || exit; done
 
 page: $(INSTALLED)  ## Write docs/claims.md and its figures anew

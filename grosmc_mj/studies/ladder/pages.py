@@ -11,14 +11,16 @@ from grosmc_mj.output.results.verdicts import Verdict, first_failed
 from grosmc_mj.studies.ladder.answer import CLAIMS
 from grosmc_mj.studies.ladder.climb import climbs
 
+# Of a rival on a machine.
+_QUICK = ", as quick as the actuator allows"
 # Laws for people, by the names that they have in the ladders: of the adaptive gain where a rival
 # has its name, and elsewhere.
 _LAWS: Mapping[str, Sequence[str]] = {
     "LQR": ("lqr",),
-    "LQI, as quick as the actuator allows": ("lqi, quick",),
-    "PID, as quick as the actuator allows": ("fl-pid, quick",),
+    f"LQI{_QUICK}": ("lqi, quick",),
+    f"PID{_QUICK}": ("fl-pid, quick",),
     "ADRC": ("adrc",),
-    "ADRC, as quick as the actuator allows": ("adrc, quick",),
+    f"ADRC{_QUICK}": ("adrc, quick",),
     "GROSMC, sign function": ("sign",),
     "GROSMC, boundary layer": ("boundary-layer",),
     "GROSMC, implicit": ("implicit",),
@@ -28,8 +30,20 @@ _LAWS: Mapping[str, Sequence[str]] = {
 }
 # Those of the first page.
 _FEW = ("LQR", "ADRC", "GROSMC, sign function", "GROSMC, implicit", "GROSMC, adaptive gain")
-# Words behind a law whose numbers are those of a case.
-_NUMBERS = {"tuned": ", tuned"}
+# Laws with tuned numbers, which are as quick as they were tuned to be.
+_TUNED: Mapping[str, Sequence[str]] = {
+    "LQR": ("lqr",),
+    f"LQI{_QUICK}": ("lqi",),
+    f"PID{_QUICK}": ("fl-pid",),
+    "ADRC": ("adrc",),
+    "GROSMC, sign function": ("sign",),
+    "GROSMC, boundary layer": ("boundary-layer",),
+    "GROSMC, implicit": ("implicit",),
+    "GROSMC, super-twisting": ("super-twisting",),
+    "GROSMC, adaptive gain": ("grosmc adaptive", "adaptive"),
+}
+# Case of the laws with tuned numbers.
+_TUNED_CASE = "tuned"
 _SYSTEMS = {
     "servo": "servo",
     "cart_pendulum": "cart-pendulum",
@@ -50,18 +64,22 @@ def failures_text(documents: Sequence[Mapping[str, Any]]) -> str:
 
 def _failures_text(documents: Sequence[Mapping[str, Any]], laws: Sequence[str]) -> str:
     """Table of the first rungs: a row a law, and a second one with its tuned numbers."""
-    of_numbers: dict[str, dict[str, Mapping[str, Any]]] = {}
+    in_file: dict[str, Mapping[str, Any]] = {}
+    tuned: dict[str, Mapping[str, Any]] = {}
     for document in documents:
         system, _, case = document["target"].partition("/")
-        of_numbers.setdefault(_NUMBERS.get(case, ""), {})[system] = document
+        ladders = tuned if case == _TUNED_CASE else in_file
+        ladders[system] = document
 
-    systems = [system for system in _SYSTEMS if any(system in of for of in of_numbers.values())]
+    systems = [system for system in _SYSTEMS if system in in_file or system in tuned]
     rows = []
     for law in laws:
-        for numbers_of, ladders in of_numbers.items():
-            cells = [_first_failure(ladders.get(system), _LAWS[law]) for system in systems]
-            if any(cells):
-                rows.append([f"{law}{numbers_of}", *cells])
+        cells = [_first_failure(in_file.get(system), _LAWS[law]) for system in systems]
+        cells_tuned = [_first_failure(tuned.get(system), _TUNED.get(law, ())) for system in systems]
+        if any(cells):
+            rows.append([law, *cells])
+        if any(cells_tuned):
+            rows.append([f"{law.removesuffix(_QUICK)}, tuned", *cells_tuned])
     columns = words("law", *(_SYSTEMS[system] for system in systems))
     return "\n".join(table("", columns, rows).markdown())
 
