@@ -75,11 +75,12 @@ def _failures_text(documents: Sequence[Mapping[str, Any]], laws: Sequence[str]) 
     rows = []
     for law in laws:
         cells = [_first_failure(in_file.get(system), _LAWS[law]) for system in systems]
-        cells_tuned = [_first_failure(tuned.get(system), _TUNED.get(law, ())) for system in systems]
         if any(cells):
             rows.append([law, *cells])
-        if any(cells_tuned):
-            rows.append([f"{law.removesuffix(_QUICK)}, tuned", *cells_tuned])
+        cells = [_first_failure(tuned.get(system), _TUNED.get(law, ())) for system in systems]
+        if any(cells):
+            # Where no numbers were found there is no such case.
+            rows.append([f"{law.removesuffix(_QUICK)}, tuned", *(cell or "-" for cell in cells)])
     columns = words("law", *(_SYSTEMS[system] for system in systems))
     return "\n".join(table("", columns, rows).markdown())
 
