@@ -6,14 +6,20 @@ from functools import cache
 from pathlib import Path
 
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.file.reading import read_case_file
-from grosmc_mj.experiments.file.shipped import case_order, shipped_files
+from grosmc_mj.experiments.file.content import read_content
+from grosmc_mj.experiments.file.reading import case_file_of, read_case_file
+from grosmc_mj.experiments.file.shipped import case_order, find_file, shipped_files
 from grosmc_mj.ground.arguments import require_known
+from grosmc_mj.ground.errors import placed
 from grosmc_mj.ground.fields import Name, checked_call
 from grosmc_mj.theory.control.controller import Controller
 from grosmc_mj.theory.control.design import realized
 from grosmc_mj.theory.control.task import AS_PRINTED, Analytic, Realization
 from grosmc_mj.theory.plants import find_system
+
+# Of a file that has none.
+_SOME_RUN = {"duration": "1000 s"}
+_SOME_LAW = [{"law": "lqr"}]
 
 
 def find_experiments(target: str) -> list[Experiment]:
@@ -31,6 +37,30 @@ def find_experiments(target: str) -> list[Experiment]:
     if not cases:
         return [Experiment.load(target)]
     return [_shipped(files[name]) for name in sorted(cases, key=case_order)]
+
+
+def find_plants(target: str) -> list[tuple[Experiment, list[str]]]:
+    """Return experiments with the laws that they run, as ``find_experiments``; no law is designed.
+
+    A case file needs no more than its [plant] here.
+
+    Raises:
+        ArgumentError: As ``find_experiments``.
+    """
+    shipped = shipped_files()
+    if target in shipped or target in [name.split("/")[0] for name in shipped]:
+        return [(experiment, experiment.controllers) for experiment in find_experiments(target)]
+
+    path = find_file(target)
+    content = read_content(path)
+    has_laws = "controller" in content
+    if isinstance(content.get("run", {}), dict):
+        content["run"] = {**_SOME_RUN, **content.get("run", {})}
+    content.setdefault("controller", _SOME_LAW)
+    file = case_file_of(content, path)
+    with placed(f"{path}: "):
+        experiment = Experiment.of_file(file, path)
+    return [(experiment, experiment.controllers if has_laws else [])]
 
 
 def find_experiment(system: str, case: str) -> Experiment:

@@ -63,6 +63,7 @@ from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.mechanics.machine import MachinePart
 from grosmc_mj.mechanics.machine.motor import Motor
 from grosmc_mj.mechanics.physics.edit import Edit
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.acting import with_acting
 from grosmc_mj.simulation.disturbances import AnyDisturbance
 from grosmc_mj.simulation.law_inputs import require_answer
@@ -189,7 +190,8 @@ class Experiment:
         disturbances = mistakes.attempt(disturbances_of, file, system, path.parent)
         loop = mistakes.attempt(loop_of_file, file, system)
         known_loop = mistakes.attempt(known_loop_of_file, file, system, where="known_loop: ")
-        edits = mistakes.attempt(partial(edits_of, known=False), file, system)
+        model = nominal.plant.spec if isinstance(nominal.plant, MujocoPlant) else None
+        edits = mistakes.attempt(partial(edits_of, known=False, model=model), file, system)
         parts = mistakes.attempt(machine_of_file, file, system)
         mistakes.refuse()
         refuse_inconsistent(file, nominal, loop, settings)

@@ -161,7 +161,9 @@ def nominal_plant(file: CaseFile, folder: Path) -> NominalPlant:
                 f"edit: {nominal.system.name} has a model in MuJoCo: edit a body instead of "
                 f"{scales[0].parameter!r}"
             )
-        return _with_known(nominal, edits_of(file, nominal.system, known=True))
+        spec = nominal.plant.spec
+        known = edits_of(file, nominal.system, known=True, model=spec)
+        return _with_known(nominal, known)
 
     if any(getattr(file, kind) for kind in MACHINE_PARTS):
         raise ArgumentError(f"{nominal.system.name} has no model in MuJoCo, so no machine as built")

@@ -171,6 +171,21 @@ def test_list_names_what_tables_of_a_case_file_take(
     assert listed(capsys.readouterr().out)[title] == entry
 
 
+def test_list_needs_no_more_than_a_plant(folder: Path, capsys: Screen) -> None:
+    (folder / "bare.toml").write_text('[plant]\nsystem = "servo"\n')
+    assert run("list", "bare.toml") == cli.DONE
+    assert listed(capsys.readouterr().out)["states"] == "rotor angle [rad], rotor speed [rad/s]"
+
+
+def test_list_says_why_a_law_cannot_be_designed(folder: Path, capsys: Screen) -> None:
+    text = '[plant]\nsystem = "servo"\n[[controller]]\nlaw = "pd"\n'
+    (folder / "bare.toml").write_text(text)
+    assert run("list", "bare.toml") == cli.DONE
+    output = capsys.readouterr().out
+    assert "not designed controller pd: " in " ".join(output.split())
+    assert "shaft [rad] about -y" in output
+
+
 def test_list_takes_a_file_whose_tables_have_those_names(folder: Path, capsys: Screen) -> None:
     (folder / "mine.toml").write_text(MINE)
     assert run("list", "mine.toml") == cli.DONE

@@ -125,6 +125,7 @@ ARMS = [
     ('"1 s"', '"1 s"\ncontrol_period = "1.5 ms"', "no multiple of the timestep 0.001 s"),
     ('"1 s"', '"1 s"\nengine = "fortran"', "run: unknown engine 'fortran': valid: native, python"),
     ("mass_scale = 2", "", "edit 1: the edit changes nothing"),
+    ('body = "link"\nmass', 'body = "lnk"\nmass', "edit 1: unknown body 'lnk'"),
     ("mass_scale = 2", "damping = 2", "edit 1: a body has no damping; valid: mass_scale"),
     ("mass_scale = 2", 'mass_scale = 2\nadded_mass = "1 kg"', "write two [[edit]]"),
     ("mass_scale = 2", 'mass_scale = 2\nat = ["1 m", "0 m", "0 m"]', "give it one"),
@@ -224,7 +225,12 @@ OPERATING_POINTS = [
         '[design]\nplant = "grosmc_mj.experiments.cases.maglev.maglev:plant"\n[run]',
         "has the states",
     ),
-    (FURUTA, "R = 100", 'R = 1\nreference = ["1", "2"]', "are held at the operating point"),
+    (
+        FURUTA,
+        "R = 100",
+        'R = 1\nreference = ["1", "2"]',
+        "(1 for 2 joints), so under grosmc all states are held at the operating point",
+    ),
     (
         FURUTA,
         "[run]",

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Target, command
 from grosmc_mj.cli.exit_codes import DONE
+from grosmc_mj.ground.errors import GrosmcError
 from grosmc_mj.ground.wording import counted, titled, unit_after
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from grosmc_mj.ground.arrays import Array
+    from grosmc_mj.theory.control.controller import Controller
     from grosmc_mj.theory.plants import Plant
     from grosmc_mj.theory.plants.system import Signal
 
@@ -32,7 +34,7 @@ class ListCommand(Command):
 
     Of one target the names, too, by which case files call its states, inputs, bodies and joints,
     with their units, the joints' axes, the weights and gains of its laws by name, and the nominal
-    numbers of its plant.
+    numbers of its plant. A case file needs no more than [plant] for that.
 
     Attributes:
         target: A system, a case (SYSTEM/CASE) or a case file (FILE.toml).
@@ -98,20 +100,19 @@ def _say_everything(console: Console) -> None:
 def _say_target(console: Console, target: str) -> None:
     """Print the cases, laws and plants of a target, and the names and numbers of its parts."""
     from grosmc_mj.experiments.assumptions.growth import growth
-    from grosmc_mj.experiments.catalogue import find_experiments
+    from grosmc_mj.experiments.catalogue import find_plants
     from grosmc_mj.experiments.weights import gains_in_words, weights_in_words
     from grosmc_mj.output.results.tables import names, table, text
 
-    experiments = find_experiments(target)
-    first = experiments[0]
+    found = find_plants(target)
+    first, declared = found[0]
     plant = first.plant(first.nominal.truest)
     console.print(f"{target}: {first.nominal.system.title}", style="bold", markup=False)
-    for experiment in experiments:
-        case = experiment
+    for case, _ in found:
         source = f"  ({case.source})" if case.source else ""
         _say(console, case.name, case.title + source)
 
-    laws = dict.fromkeys([*first.file.laws, *first.controllers])
+    laws = dict.fromkeys([*first.file.laws, *declared])
     _say(console, "laws", ", ".join(laws))
     _say(console, "plants", ", ".join(first.plant_names))
     states = _with_units(plant.system.states)
@@ -122,13 +123,18 @@ def _say_target(console: Console, target: str) -> None:
     else:
         _say(console, "parameters", f"{', '.join(vars(plant.parameters))}  (of [[edit]])")
 
-    for law in first.controllers:
-        design = first.law(first.nominal.truest, law).design
-        if design is not None:
+    designed: list[Controller] = []
+    for law in declared:
+        try:
+            designed.append(first.law(first.nominal.truest, law))
+        except GrosmcError as error:
+            _say(console, "not designed", str(error))
+    for controller in designed:
+        if controller.design is not None:
+            design = controller.design
             numbers = filter(None, [weights_in_words(design), gains_in_words(design)])
-            _say(console, "weights", f"{law}: {'; '.join(numbers)}")
+            _say(console, "weights", f"{controller.name}: {'; '.join(numbers)}")
 
-    designed = [first.law(first.nominal.truest, law) for law in first.controllers]
     for line in growth(first, designed):
         _say(console, "grows", line)
 

@@ -16,6 +16,7 @@ from grosmc_mj.experiments.measured import MeasuredResult, disagreements
 from grosmc_mj.experiments.requirements.judging import Judgement
 from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.ground.wording import unit_after
+from grosmc_mj.output.results import tables
 from grosmc_mj.output.results.result import Result
 from grosmc_mj.studies.ladder.assumed import assumed_numbers, in_words
 from grosmc_mj.theory.plants.system import Signal
@@ -54,7 +55,11 @@ def answer_of_run(
 
     remarks = [*_premise_lines(premises), *_log_lines(measured)]
     if simulated:
-        remarks += [*_loop_lines(experiment), *_machine_lines(experiment), *_rest_lines(experiment)]
+        remarks += [
+            *_loop_lines(experiment),
+            *_machine_lines(experiment),
+            *_rest_lines(experiment),
+        ]
     return experiment_result(
         experiment,
         results,
@@ -64,7 +69,7 @@ def answer_of_run(
         faults=[*endings(results), *_failing_premises(premises)],
         notes=notes,
         remarks=remarks,
-        tables=[audit_table(audit) for audit in premises],
+        tables=[*_steps_tables(experiment, simulated), *map(audit_table, premises)],
         premises=[audit_document(audit) for audit in premises],
     )
 
@@ -118,6 +123,20 @@ def _log_lines(results: Sequence[MeasuredResult]) -> list[str]:
     return lines
 
 
+def _steps_tables(experiment: Experiment, simulated: Sequence[RunResult]) -> Iterator[tables.Table]:
+    """Yield the table of the steps of simulations and laws; nothing where logs alone are judged."""
+    if not simulated:
+        return
+    settings = experiment.settings
+    row = (
+        f"{settings.timestep:g} s",
+        settings.integrator,
+        f"{settings.control_period:g} s",
+    )
+    columns = tables.words("timestep", "integrator", "control period")
+    yield tables.table("", columns, [row])
+
+
 def _loop_lines(experiment: Experiment) -> list[str]:
     """Return lines on the control loop, if there is one, with its assumed numbers."""
     loop = experiment.loop
@@ -147,8 +166,8 @@ def _machine_lines(experiment: Experiment) -> list[str]:
 
     lines = ["on its machine, in physics alone; no law knows of (* is assumed):"]
     file = experiment.file
-    tables = [(kind, table) for kind in MACHINE_PARTS for table in getattr(file, kind)]
-    for (kind, table), part in zip(tables, parts, strict=True):
+    of_file = [(kind, table) for kind in MACHINE_PARTS for table in getattr(file, kind)]
+    for (kind, table), part in zip(of_file, parts, strict=True):
         numbers = []
         for name in table.numbers:
             unit = unit_of(kind, part.of, name, experiment.nominal.system)

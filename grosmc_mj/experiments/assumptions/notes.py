@@ -18,6 +18,9 @@ from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import OutputDisturbance
 from grosmc_mj.theory.plants import Plant
 
+# Timestep [s] and integrator of a model that sets none.
+_DEFAULT_STEPS = (0.002, "Euler")
+
 
 def notes_on(experiment: Experiment, results: Sequence[RunResult]) -> list[str]:
     """Return the notes on an experiment's runs, the weightiest first.
@@ -41,6 +44,8 @@ def notes_on(experiment: Experiment, results: Sequence[RunResult]) -> list[str]:
     notes += _neglected_poles(on_truest)
     notes += _names_left_out(experiment, on_truest)
     notes += _weights_by_order(experiment, on_truest)
+    notes += _steps_by_default(experiment)
+    notes += _masses_at_origins(experiment)
     notes += notes_on_plant(experiment, experiment.plant(experiment.nominal.truest))
     if experiment.nominal.robot is not None:
         notes += experiment.nominal.robot.notes
@@ -76,6 +81,32 @@ def _unasked(experiment: Experiment) -> Iterator[str]:
             f"nothing is required of {name_list(unasked)}: the requirements of {base} are of "
             f"{name_list(sorted(asked))}; a [[requirement]] of your own replaces them"
         )
+
+
+def _steps_by_default(experiment: Experiment) -> Iterator[str]:
+    """Yield a line where neither a user's own model nor its file sets how MuJoCo steps."""
+    run = experiment.file.run
+    settings = experiment.settings
+    if experiment.nominal.robot is None or run.timestep or run.integrator:
+        return
+    if (settings.timestep, settings.integrator) != _DEFAULT_STEPS:
+        return
+    yield (
+        f"timestep {settings.timestep:g} s and integrator {settings.integrator} are MuJoCo's "
+        'defaults: set [run] integrator = "RK4" or a shorter timestep, and compare'
+    )
+
+
+def _masses_at_origins(experiment: Experiment) -> Iterator[str]:
+    """Yield a line for each added mass whose place the file does not give."""
+    for table in experiment.file.edit:
+        values = table.values
+        if "added_mass" in values and "at" not in values:
+            body = values["body"]
+            yield (
+                f"the added mass of {values['added_mass']} sits at the origin of {body}: at gives "
+                "it another place in the frame of the body"
+            )
 
 
 def _unmeasured(experiment: Experiment) -> Iterator[str]:

@@ -19,7 +19,13 @@ from grosmc_mj.ground.errors import ArgumentError, Mistakes
 from grosmc_mj.ground.fields import Flag, Range, checked, range_of
 from grosmc_mj.mechanics.machine import PARTS, MachinePart
 from grosmc_mj.mechanics.physics.edit import Edit
-from grosmc_mj.mechanics.physics.edits import AddedMass, BodyEdit, InputEdit, JointEdit
+from grosmc_mj.mechanics.physics.edits import (
+    AddedMass,
+    BodyEdit,
+    InputEdit,
+    JointEdit,
+    require_owner,
+)
 from grosmc_mj.simulation.disturbances import (
     Disturbance,
     InputDisturbance,
@@ -210,13 +216,14 @@ def machine_of_file(file: Any, system: System) -> tuple[MachinePart, ...]:
     return tuple(parts)
 
 
-def edits_of(file: Any, system: System, *, known: bool) -> tuple[Edit, ...]:
+def edits_of(file: Any, system: System, *, known: bool, model: Any = None) -> tuple[Edit, ...]:
     """Return the edits of the model in a case file.
 
     Args:
         file: A ``CaseFile``.
         system: The system of its plant.
         known: True for the edits that the laws know, False for the other ones.
+        model: The model as an MjSpec, which must have what is edited; unchecked without it.
 
     Raises:
         GrosmcError: If a model cannot have a number, or an input is unknown.
@@ -227,7 +234,10 @@ def edits_of(file: Any, system: System, *, known: bool) -> tuple[Edit, ...]:
         if table.form.part is ParameterScale or table.further.known is not known:
             continue
         with mistakes.gathered(f"edit {index + 1}: "):
-            edits.append(_edit(table, system))
+            edit = _edit(table, system)
+            if model is not None:
+                require_owner(model, edit)
+            edits.append(edit)
     mistakes.refuse()
     return tuple(edits)
 

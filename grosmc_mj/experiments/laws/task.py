@@ -64,10 +64,10 @@ def task_of_states(request: LawRequest) -> Task:
     task = request.file.task
     nominal = request.nominal
     if task.reference is not None or not task.outputs.own or task.sign != 1:
-        raise ArgumentError(
-            f"task: reference, outputs and sign: under {request.table.law} all states are held at "
-            "the operating point: name that with [plant] at"
-        )
+        held = f"under {request.table.law} all states are held at the operating point"
+        if nominal.robot is not None and nominal.robot.undriven:
+            held = f"{nominal.robot.undriven}, so {held}"
+        raise ArgumentError(f"task: reference, outputs and sign: {held}: name that with [plant] at")
     Q = _weight("Q", request, [state.name for state in nominal.system.states])
     R = _weight("R", request, [signal.name for signal in nominal.system.inputs])
     states = state_task(nominal.believed or nominal.plant, Q, R, nominal.at)

@@ -74,15 +74,36 @@ def _require_owners(spec: mujoco.MjSpec, edits: Iterable[Edit]) -> None:
     Raises:
         ModelError: With the first such edit.
     """
-    owners = {"joint": spec.joints, "body": spec.bodies[1:], "input": spec.actuators}
     count = Counter((type(edit), edit.of) for edit in edits if not edit.several)
     for edit in edits:
-        names = [owner.name for owner in owners[edit.owner]]
-        require_known(edit.owner, edit.of, names, f"{edit.kind}: ", ModelError)
+        require_owner(spec, edit, f"{edit.kind}: ")
         if count[type(edit), edit.of] > 1:
             raise ModelError(
                 f"{edit.owner} {edit.of!r} has two of the kind {edit.kind!r}: give one"
             )
+
+
+def require_owner(spec: mujoco.MjSpec, edit: Edit, where: str = "") -> None:
+    """Refuse an edit of something that the model lacks.
+
+    Args:
+        spec: The model.
+        edit: The edit.
+        where: Beginning of the message.
+
+    Raises:
+        ModelError: With the valid names, or the body of a site that is called so.
+    """
+    owners = {"joint": spec.joints, "body": spec.bodies[1:], "input": spec.actuators}
+    names = [owner.name for owner in owners[edit.owner]]
+    site = spec.site(edit.of)
+    if edit.owner == "body" and edit.of not in names and site is not None:
+        place = ", ".join(f'"{number:g} m"' for number in site.pos)
+        raise ModelError(
+            f'{where}body: {edit.of!r} is a site: write body = "{site.parent.name}", and at = '
+            f"[{place}] for its place"
+        )
+    require_known(edit.owner, edit.of, names, where, ModelError)
 
 
 @checked(ModelError)

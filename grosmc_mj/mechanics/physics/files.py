@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import mujoco
 
@@ -13,6 +17,8 @@ from grosmc_mj.theory.plants import find_system
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 # The wheel carries the models inside the package; a checkout has them beside it.
+# Number of the line in MuJoCo's messages.
+_LINE = re.compile(r"\b[Ll]ine (?:number=)?(\d+)")
 _FOLDERS = (_PACKAGE / "models", _PACKAGE.parent / "models")
 
 
@@ -66,10 +72,32 @@ def compile_spec(spec: mujoco.MjSpec) -> mujoco.MjModel:
         with warnings_ignored():
             model = spec.compile()
     except ValueError as error:
-        raise ModelError(f"{spec.modelname}: {' '.join(str(error).split())}") from error
+        words = " ".join(str(error).split()).removeprefix("Error: ")
+        raise ModelError(f"{spec.modelname}: {words}") from error
     # Finite edits of finite numbers may overflow.
     refuse_unusable(model, spec.modelname)
     return model
+
+
+@contextmanager
+def of_file(model: Any) -> Iterator[None]:
+    """Name the file of a model, and the line if MuJoCo tells it, in the errors of the block.
+
+    Args:
+        model: Path of an MJCF; of anything else, errors stay as they are.
+
+    Raises:
+        ModelError: In the place of each ``ModelError``.
+    """
+    try:
+        yield
+    except ModelError as error:
+        is_text = isinstance(model, str) and model.lstrip().startswith("<")
+        if is_text or not isinstance(model, (str, Path)):
+            raise
+        line = _LINE.search(str(error))
+        place = f":{line[1]}" if line is not None else ""
+        raise ModelError(f"{Path(model).name}{place}: {error}") from error
 
 
 def body_names(model: mujoco.MjModel) -> tuple[str, ...]:

@@ -147,6 +147,12 @@ def robot_specs(
     """
     spec = read_spec(model)
     notes: list[str] = []
+    if spec.joints and not spec.actuators:
+        joint = spec.joints[0].name or "NAME"
+        raise ModelError(
+            f'the model has no actuator: add <actuator> with <motor joint="{joint}"/>, one '
+            "for each joint that a law moves"
+        )
     _name_all_parts(spec)
     _select(spec, joints, actuators, notes)
     couplings = _couplings(spec, notes)

@@ -10,8 +10,8 @@ from typing import Any
 import mujoco
 from numpy.typing import ArrayLike
 
-from grosmc_mj.ground.errors import ModelError
-from grosmc_mj.mechanics.physics.files import body_names, compile_spec, joint_names
+from grosmc_mj.ground.errors import ModelError, name_list
+from grosmc_mj.mechanics.physics.files import body_names, compile_spec, joint_names, of_file
 from grosmc_mj.mechanics.physics.hooks import warnings_ignored
 from grosmc_mj.mechanics.physics.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.mechanics.robots.actuators import joint_unit
@@ -74,7 +74,7 @@ class Robot:
         Raises:
             ModelError: If the model is no such robot, with the reason and what to do.
         """
-        with warnings_ignored():
+        with warnings_ignored(), of_file(model):
             spec, built, notes, gears = robot_specs(model, joints, actuators)
         plant = MujocoPlant(_system(spec), spec, (), timestep, integrator)
         built_plant = plant if built is None else replace(plant, spec=built)
@@ -99,6 +99,15 @@ class Robot:
     def bodies(self) -> RigidBodies:
         """The dynamics that the laws know, as their numbers."""
         return rigid_bodies(self.nominal)
+
+    @property
+    def undriven(self) -> str:
+        """Joints without a torque of their own, in words; empty for none."""
+        system = self.plant.system
+        if not self.underactuated:
+            return ""
+        joints = name_list(system.joints[index] for index in system.controlled)
+        return f"no actuator drives {joints} ({len(system.inputs)} for {self.joints} joints)"
 
     def task(
         self,

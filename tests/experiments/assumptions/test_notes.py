@@ -54,6 +54,29 @@ def read(folder: Path, text: str) -> Experiment:
     return Experiment.load(path)
 
 
+def test_steps_that_nobody_sets_are_told(tmp_path: Path) -> None:
+    read(tmp_path, LEG.format(Q=1))
+    model = LEG_MODEL.replace('timestep="0.001" integrator="RK4"', "")
+    (tmp_path / "leg.xml").write_text(model, encoding="utf-8")
+    case_file = tmp_path / "mine.toml"
+    words = "timestep 0.002 s and integrator Euler are MuJoCo's defaults"
+    assert any(words in line for line in notes_on(Experiment.load(case_file), []))
+
+    text = LEG.format(Q=1).replace("[task]", 'integrator = "RK4"\n[task]')
+    case_file.write_text(text, encoding="utf-8")
+    assert not any("defaults" in line for line in notes_on(Experiment.load(case_file), []))
+
+
+@pytest.mark.parametrize(("at", "told"), [("", True), ('at = ["0 m", "0 m", "0 m"]\n', False)])
+def test_an_added_mass_without_a_place_is_told_at_its_origin(
+    tmp_path: Path, at: str, told: bool
+) -> None:
+    edit = f'[[edit]]\nbody = "shank"\nadded_mass = "1 kg"\n{at}[task]'
+    experiment = read(tmp_path, LEG.format(Q=1).replace("[task]", edit))
+    words = "the added mass of 1 kg sits at the origin of shank"
+    assert any(words in line for line in notes_on(experiment, [])) == told
+
+
 def case(requirement: str, law: str = "lqr", plant: str = "physics") -> str:
     return short_step(law, plant) + f"[[requirement]]\n{requirement}\n"
 

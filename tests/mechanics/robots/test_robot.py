@@ -506,7 +506,7 @@ LINK = """
 @pytest.mark.parametrize(
     ("actuators", "words"),
     [
-        ("", "no actuator drives 'j': name one with actuators"),
+        ("", 'the model has no actuator: add <actuator> with <motor joint="j"/>'),
         ("<motor joint='j'/><motor joint='j'/>", "joint 'j' has 2 actuators"),
         ("<general joint='j' dyntype='integrator'/>", "activation"),
         ("<muscle joint='j' lengthrange='0 1'/>", "is a muscle, which pulls"),
@@ -521,6 +521,24 @@ LINK = """
 def test_an_actuator_that_no_torque_stands_for_is_refused(actuators: str, words: str) -> None:
     with pytest.raises(ModelError, match=words):
         Robot.from_mjcf(LINK.format(actuators))
+
+
+@pytest.mark.parametrize(
+    ("actuators", "words"),
+    [
+        ("<motor joint='j'>", r"bad.xml:4: the MJCF cannot be read: XML parse error"),
+        ("\n<motor joint='k'/>", r"bad.xml:5: .*: unknown transmission target 'k'"),
+        ("<motor joint='j' gear='0'/>", "bad.xml: actuator 'actuator1' has no gear"),
+        ("", "bad.xml: the model has no actuator"),
+    ],
+)
+def test_a_refused_file_is_named_with_the_line_of_the_mistake(
+    tmp_path: Path, actuators: str, words: str
+) -> None:
+    path = tmp_path / "bad.xml"
+    path.write_text(LINK.format(actuators))
+    with pytest.raises(ModelError, match=words):
+        Robot.from_mjcf(path)
 
 
 @pytest.mark.parametrize(
