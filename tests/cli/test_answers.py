@@ -12,7 +12,7 @@ from pathlib import Path
 from pkgutil import iter_modules
 
 import pytest
-from case_texts import SERVO
+from case_texts import SERVO, short_step
 from commands import Patch, Screen, run
 from rich.cells import cell_len
 
@@ -169,6 +169,13 @@ def test_list_names_what_tables_of_a_case_file_take(
 ) -> None:
     assert run("list", target) == cli.DONE
     assert listed(capsys.readouterr().out)[title] == entry
+
+
+def test_the_headline_counts_what_is_not_judged(folder: Path, capsys: Screen) -> None:
+    text = short_step() + '[[requirement]]\nsettles_within = "19 ms"\ninput_below = "1 kA"\n'
+    (folder / "mine.toml").write_text(text)
+    assert run("run", "mine.toml", "--no-figures") == cli.DONE
+    assert capsys.readouterr().out.startswith("1 requirement is kept, 1 not judged.")
 
 
 def test_list_needs_no_more_than_a_plant(folder: Path, capsys: Screen) -> None:

@@ -98,7 +98,17 @@ def experiment_result(
         configuration,
         seed=seed_of(experiment),
         complete=complete,
-        answers=[_answer(target, results, judgements, faults, notes, complete=complete)],
+        answers=[
+            _answer(
+                target,
+                results,
+                judgements,
+                faults,
+                notes,
+                complete=complete,
+                unjudged=len(experiment.not_judged),
+            )
+        ],
         standings=run_standings(target, verdicts, complete=complete),
         sheets=sheets,
         remarks=remarks,
@@ -130,8 +140,12 @@ def _answer(
     notes: Sequence[str],
     *,
     complete: bool,
+    unjudged: int,
 ) -> Answer:
-    """Return the verdict on a case, and the requirement that is the nearest to its limit."""
+    """Return the verdict on a case, and the requirement that is the nearest to its limit.
+
+    ``unjudged`` is the number of requirements that no run can decide.
+    """
     count = len(judgements)
     failed = sum(not item.kept for item in judgements)
     ended = sum(bool(run.ended) for run in results)
@@ -147,6 +161,11 @@ def _answer(
         words = f"Nothing is required; {ended} of {counted(len(results), 'run')} ended early"
         if ended:
             verdict = NOT_KEPT
+    if judgements and unjudged:
+        if not failed:
+            verb = "is" if count == 1 else "are"
+            words = f"{counted(count, 'requirement')} {verb} kept"
+        words += f", {unjudged} not judged"
     if not complete:
         words += " (interrupted: not complete)"
 
