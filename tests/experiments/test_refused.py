@@ -244,6 +244,7 @@ OPERATING_POINTS = [
 ]
 # Numbers of further laws.
 RIVALS = [
+    ('"lqi"', '"lqi"\nadaptation = 1', "adaptation is a number of adaptive, linear-adaptive"),
     ('"lqi"', '"fl-pid"\nfrequency = -2', "frequency = -2 must be above 0"),
     ('"lqi"', '"adrc"\nswitching = "implicit"', "not switch, so it has no switching"),
     ('"lqi"', '"pd"', "pd needs frequency"),

@@ -167,6 +167,13 @@ def _numbers_in(kind: type[LawKind], table: ControllerTable) -> dict[str, Any]:
         raise ArgumentError(f"{table.law} has weights and numbers of its own, not {list(numbers)}")
     valid = [*ControllerTable.model_fields, *kind.weights, *kind.field_names(), *of_switching]
     for name in numbers:
+        owners = [other.key for other in KINDS if name in other.field_names()]
+        if name not in valid and owners:
+            own = name_list(kind.field_names()) or "no numbers"
+            raise ArgumentError(
+                f"{name} is a number of {name_list(dict.fromkeys(owners))}: the law here is "
+                f"{kind.key!r}, which takes {own}"
+            )
         require_known("key", name, valid)
     return numbers
 
