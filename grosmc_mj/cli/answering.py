@@ -95,11 +95,7 @@ class AnsweringCommand(Command):
 
         among = self.in_brief and len(questions) > 1
         kept = [self._answer(question, among=among) for question in questions]
-        self.finish(questions)
         return DONE if all(kept) else DIFFERS
-
-    def finish(self, questions: Sequence[Question]) -> None:
-        """Do what follows all answers, such as figures of several of them."""
 
     def _answer(self, question: Question, *, among: bool) -> bool:
         """Answer a question; returns True if it keeps what is required."""

@@ -239,6 +239,7 @@ def campaign_result(
     findings: Findings,
     at_least: float | None = None,
     progress: Sequence[str] = (),
+    searched: Mapping[str, Sequence[str]] | None = None,
 ) -> Result:
     """Return the result; a margin without bound is that of a run that did not complete.
 
@@ -247,6 +248,7 @@ def campaign_result(
         findings: Statements that its runs allow.
         at_least: Share of the plants that each law must be shown to keep; None without.
         progress: Lines on how its runs were made.
+        searched: What searches from the runs found, by law.
     """
     sampled = findings.sampled
     pass_rates_of_all, *further = findings_tables(campaign, findings)
@@ -283,7 +285,7 @@ def campaign_result(
         campaign,
         "campaign",
         complete=sampled.runs == sampled.planned,
-        answers=_answers(campaign, findings, at_least),
+        answers=_answers(campaign, findings, at_least, searched or {}),
         sheets=sheets,
         remarks=[*_remarks(campaign, findings), *progress],
         sampled={**sampled._asdict(), "words": sampled.words},
@@ -298,7 +300,12 @@ def campaign_result(
     )
 
 
-def _answers(campaign: Campaign, findings: Findings, at_least: float | None) -> Iterator[Answer]:
+def _answers(
+    campaign: Campaign,
+    findings: Findings,
+    at_least: float | None,
+    searched: Mapping[str, Sequence[str]],
+) -> Iterator[Answer]:
     """Yield on how many plants each law keeps everything, the worst law first."""
     rates = rates_of_laws(findings)
     notes = campaign.notes
@@ -315,6 +322,8 @@ def _answers(campaign: Campaign, findings: Findings, at_least: float | None) -> 
                 f"({rate.kept} of {plants}, one-sided confidence {rate.confidence:g}); "
                 f"{100 * at_least:g} % are asked for."
             )
+        if law in searched:
+            words = "; ".join([words.removesuffix("."), *searched[law]])
         verdict = KEPT
         if not good:
             # One failure decides, however many runs are missing.

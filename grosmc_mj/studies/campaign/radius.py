@@ -122,10 +122,15 @@ class Radius:
     @property
     def sentence(self) -> str:
         """A line on the scales of the uncertainty at which the law fails."""
-        line = f"{self.controller}: no failure found up to {self.found:.3g} times the uncertainty"
+        line = f"{self.controller}: {self.words}"
         if self.outside is not None:
             line += f", one found at {self.outside.scale:.3g}"
         return line
+
+    @property
+    def words(self) -> str:
+        """What was found, behind words on the law."""
+        return f"no failure found up to {self.found:.3g} times the uncertainty"
 
 
 class RadiusSearch:

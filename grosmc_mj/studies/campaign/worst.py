@@ -93,6 +93,11 @@ class WorstPlant:
             line += f"; nearest found that fails: {campaign.words(self.shrunk)}"
         return line
 
+    @property
+    def words(self) -> str:
+        """What was found, behind words on the law."""
+        return f"worst plant found: margin {number(self.relative)} of its limit"
+
 
 def worst(
     campaign: Campaign,

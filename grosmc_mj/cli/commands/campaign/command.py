@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Group, Parameter
 
-from grosmc_mj.cli import screen
 from grosmc_mj.cli.answering import AnsweringCommand, Question
 from grosmc_mj.cli.command import OUTPUT, Figures, Flag, Laws, WholeNumber, command
 from grosmc_mj.cli.targets import TARGET
@@ -165,8 +164,9 @@ class CampaignCommand(AnsweringCommand):
         return write_plant(Path(self.target), which, law, self.case_file, self.out)
 
     def questions(self) -> Sequence[Question]:
-        """Return the question of the runs, and those of the searches that are asked for."""
+        """Return the question of the runs and of the searches that are asked for."""
         from grosmc_mj.cli.commands.campaign.running import (
+            CampaignQuestion,
             RadiusQuestion,
             RunsQuestion,
             WorstQuestion,
@@ -192,19 +192,12 @@ class CampaignCommand(AnsweringCommand):
             confidence=self.confidence,
             at_least=self.at_least,
         )
-        questions: list[Question] = [runs]
+        searches: list[WorstQuestion | RadiusQuestion] = []
         if self.worst:
-            questions.append(WorstQuestion(runs, self.evaluations))
+            searches.append(WorstQuestion(runs, self.evaluations))
         if self.radius:
-            questions.append(RadiusQuestion(runs))
-        return questions
-
-    def finish(self, questions: Sequence[Question]) -> None:
-        """Draw the figures of all answers."""
-        from grosmc_mj.cli.commands.campaign.running import draw_figures
-
-        if self.figures:
-            screen.say_files(screen.console(), *draw_figures(questions, self.axes))
+            searches.append(RadiusQuestion(runs))
+        return [CampaignQuestion(runs, searches, self.axes, self.figures)]
 
     def _specification(self) -> Specification:
         """Return the family of plants and how much of it is run.

@@ -43,6 +43,7 @@ class RunsQuestion(Question):
         at_least: Share of the plants that each law must be shown to keep; None without.
         progress: Lines on the parts that were there already and on the speed of the others.
         begun: Whether the folder is this campaign's.
+        searched: What searches from its runs found, by law.
         found: Statements of its runs, once there is a result.
     """
 
@@ -54,6 +55,7 @@ class RunsQuestion(Question):
     at_least: float | None
     progress: list[str] = field(default_factory=list)
     begun: bool = False
+    searched: dict[str, list[str]] = field(default_factory=dict)
     found: Findings = field(init=False)
 
     def __post_init__(self) -> None:
@@ -96,7 +98,9 @@ class RunsQuestion(Question):
         if not self.begun or not self._done:
             return None
         self.found = findings(self.campaign, self.folder, self.confidence)
-        return campaign_result(self.campaign, self.found, self.at_least, self.progress)
+        return campaign_result(
+            self.campaign, self.found, self.at_least, self.progress, self.searched
+        )
 
     @property
     def _done(self) -> int:
@@ -126,11 +130,13 @@ class WorstQuestion(Question):
         runs: Question of the campaign's runs, of which the worst ones begin the search.
         evaluations: Runs that the search may take for a law; as many random plants are tried.
         plants: The worst plant under each law.
+        done: Whether the search has ended.
     """
 
     runs: RunsQuestion
     evaluations: int
     plants: list[WorstPlant] = field(default_factory=list)
+    done: bool = False
 
     def __post_init__(self) -> None:
         self.path = self.runs.folder.path / WORST
@@ -144,6 +150,8 @@ class WorstQuestion(Question):
                 advance_law = partial(advance, f"worst under {law}")
                 found = worst(campaign, law, worst_runs[law], self.evaluations, advance_law)
                 self.plants.append(found)
+                self.runs.searched.setdefault(law, []).append(found.words)
+        self.done = True
 
     def result(self, *, complete: bool) -> Result | None:
         """Return the worst plants that are found."""
@@ -165,10 +173,12 @@ class RadiusQuestion(Question):
     Attributes:
         runs: Question of the campaign's runs.
         radii: Radius of each law.
+        done: Whether the search has ended.
     """
 
     runs: RunsQuestion
     radii: list[Radius] = field(default_factory=list)
+    done: bool = False
 
     def __post_init__(self) -> None:
         self.path = self.runs.folder.path / RADIUS
@@ -183,7 +193,9 @@ class RadiusQuestion(Question):
                 # The search says how many plants it has tried; the bar counts laws.
                 found = radius(campaign, law, lambda _, words=words: advance(words, 0))
                 self.radii.append(found)
+                self.runs.searched.setdefault(law, []).append(found.words)
                 advance(words)
+        self.done = True
 
     def result(self, *, complete: bool) -> Result | None:
         """Return the radii that are found."""
@@ -198,22 +210,78 @@ class RadiusQuestion(Question):
         return screen.RESUME
 
 
-def draw_figures(questions: Sequence[Question], axes: tuple[str, ...]) -> list[Path]:
-    """Draw the figures of answered questions of a campaign; returns their paths.
+@dataclass
+class CampaignQuestion(Question):
+    """What do the runs of a campaign show, and what do searches from the worst of them find?
 
-    Args:
-        questions: The questions.
+    The answer comes when all is done, so that it begins with both.
+
+    Attributes:
+        runs: Question of the runs.
+        searches: Questions of the searches.
         axes: Two uncertain numbers of the map; empty for those that drive margins most.
+        figures: Whether the figures are drawn.
     """
-    radii: list[Radius] = []
-    for question in questions:
-        if isinstance(question, RadiusQuestion):
-            radii = question.radii
-    files: list[Path] = []
-    for question in questions:
-        if isinstance(question, RunsQuestion):
-            files += write_figures(question.campaign, question.folder, question.found, radii, axes)
-    return files
+
+    runs: RunsQuestion
+    searches: Sequence[WorstQuestion | RadiusQuestion]
+    axes: tuple[str, ...]
+    figures: bool
+    _current: Question = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.path = self.runs.path
+        self._current = self.runs
+
+    @property
+    def files(self) -> Sequence[Path]:
+        """Results of the searches."""
+        return [search.path for search in self.searches]
+
+    def measure(self) -> None:
+        """Run what is missing, then search from the worst runs."""
+        self.runs.measure()
+        # It has the worst runs.
+        self.runs.result(complete=True)
+        for search in self.searches:
+            self._current = search
+            search.measure()
+
+    def result(self, *, complete: bool) -> Result | None:
+        """Return the statements of the runs, with what the searches found."""
+        return self.runs.result(complete=complete)
+
+    def show(self, result: Result, *, full: bool, among: bool) -> None:
+        """Write and print the results of the runs and of the searches."""
+        super().show(result, full=full, among=among)
+        for search in self.searches:
+            # Of an interrupted search there is what it had found.
+            found = search.result(complete=search.done)
+            if found is not None:
+                search.show(found, full=full, among=among)
+
+    def close(self) -> None:
+        """Draw the figures of all answers."""
+        if not self.figures:
+            return
+        radii: list[Radius] = []
+        for search in self.searches:
+            if isinstance(search, RadiusQuestion):
+                radii = search.radii
+        files = write_figures(
+            self.runs.campaign, self.runs.folder, self.runs.found, radii, self.axes
+        )
+        screen.say_files(screen.console(), *files)
+
+    @property
+    def kept(self) -> bool:
+        """Whether each law keeps what is asked for in the runs."""
+        return self.runs.kept
+
+    @property
+    def advice(self) -> str:
+        """How to go on after an interrupt."""
+        return self._current.advice
 
 
 def notices(campaign: Campaign) -> list[str]:
