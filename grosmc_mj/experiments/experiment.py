@@ -54,6 +54,7 @@ from grosmc_mj.ground.errors import (
     ImplausibleWarning,
     Mistakes,
     MistakesError,
+    name_list,
     placed,
     unknown_name,
 )
@@ -122,6 +123,7 @@ class Experiment:
             samples.
         asked: Names of the settings that replace those of a controller in the file.
         chosen: Names of the laws that are run; empty for all controllers of the file.
+        varied: Paths of the numbers that ``changed`` has been given.
     """
 
     file: CaseFile
@@ -140,6 +142,7 @@ class Experiment:
     run_number: int = 0
     asked: frozenset[str] = frozenset()
     chosen: tuple[str, ...] = ()
+    varied: tuple[str, ...] = ()
     _designs: dict[Any, Controller] = field(default_factory=dict, repr=False)
 
     @classmethod
@@ -597,7 +600,32 @@ class Experiment:
             changed = changed._copy(changed._changes_of_laws(laws))
         if numbers:
             changed = changed._changed_numbers(numbers)
+            varied = tuple(dict.fromkeys([*self.varied, *numbers]))
+            changed = replace(changed, varied=varied)
         return changed
+
+    def __repr__(self) -> str:
+        """Return case, file, start, laws, and counts of what the file adds, in a few lines."""
+        states = self.nominal.system.states
+        start = ", ".join(
+            f"{state.name} {value:.4g}{unit_after(state.unit)}"
+            for state, value in zip(states, self.x0, strict=True)
+        )
+        counts = {
+            "edit": len(self.edits),
+            "disturbance": len(self.disturbances),
+            "requirement": len(self.file.requirement),
+        }
+        added = ", ".join(f"{count} [[{kind}]]" for kind, count in counts.items())
+        lines = [
+            f"Experiment {self.target}: {self.title}",
+            f"{self.path}: {added}, {'ideal loop' if self.loop is None else 'a loop'}",
+            f"{self.duration:g} s from {start}",
+            f"laws {name_list(self.controllers)}; plants {', '.join(self.plant_names)}",
+        ]
+        if self.varied:
+            lines.append(f"changed: {', '.join(self.varied)}")
+        return "\n".join(lines)
 
     def _copy(self, changes: Sequence[Change]) -> Experiment:
         """Return a copy with other values at some steps; for another task it has new designs."""
@@ -817,6 +845,13 @@ class RunResult(MeasuredRun):
         if self.judged is not None:
             return list(self.judged)
         return judge_runs(self.case.limits, [self])
+
+    @property
+    def kept(self) -> bool | None:
+        """Whether all requirements of the law are kept; None if nothing is required of it."""
+        if not self.requirements:
+            return None
+        return all(judgement.kept for judgement in self.requirements)
 
     def film(self, path: str | Path) -> Path:
         """Write a film of the run, and return its path.

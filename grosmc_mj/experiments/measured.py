@@ -14,7 +14,7 @@ from grosmc_mj.experiments.file.schema import MeasuredTable
 from grosmc_mj.experiments.logs.log import Log, name_of_log
 from grosmc_mj.experiments.requirements.judging import Judgement, judge_runs
 from grosmc_mj.experiments.requirements.measurement import NO_WINDOWS, Windows
-from grosmc_mj.experiments.requirements.metrics import Metric, largest_of
+from grosmc_mj.experiments.requirements.metrics import Metric, Metrics, largest_of
 from grosmc_mj.experiments.requirements.optimum import Comparison
 from grosmc_mj.experiments.requirements.requirement import Requirement, missing_signals
 from grosmc_mj.experiments.requirements.signals import ERROR
@@ -70,7 +70,7 @@ class MeasuredResult(RunResult):
     def metrics(self) -> Mapping[str, Metric]:
         """Usual metrics by name; without a value where the log does not tell it."""
         inputs = {signal.name for signal in self.trajectory.system.inputs}
-        return _known_metrics(super().metrics, self.known, inputs)
+        return Metrics(_known_metrics(super().metrics, self.known, inputs))
 
     def values(self, windows: Windows = NO_WINDOWS) -> Mapping[str, float]:
         """Return the metrics by name; sums over states that were not measured are NaN."""

@@ -270,6 +270,44 @@ def test_many_runs_are_a_table(experiment: Experiment) -> None:
     assert last["margin input below 50 A"] == run.requirements[0].margin
 
 
+def test_a_table_of_runs_has_what_was_varied_in_the_unit_of_its_key(experiment: Experiment) -> None:
+    changes: list[dict[str, Any]] = [
+        {"edit.rotor.mass_scale": 3.0, "run.duration": "0.02 s"},
+        {"laws.grosmc.switching": "implicit"},
+    ]
+    cases = [experiment, *[experiment.changed(numbers) for numbers in changes]]
+    table = gm.run_many(cases, law="grosmc")
+    assert table["edit.rotor.mass_scale"].to_pylist() == [1.5, 3.0, 1.5]
+    assert table["run.duration"].to_pylist() == [case.duration for case in cases]
+    assert table.schema.field("run.duration").metadata == {b"unit": b"s"}
+    assert table["laws.grosmc.switching"].to_pylist()[-1] == "implicit"
+
+
+def test_a_column_without_values_has_the_type_of_its_metric(experiment: Experiment) -> None:
+    """A run of a few samples does not settle."""
+    table = gm.run_many([experiment.changed(duration="3 ms")], law="lqr")
+    assert table["settling_time"].to_pylist() == [None]
+    assert str(table.schema.field("settling_time").type) == "double"
+    assert str(table.schema.field("kept").type) == "bool"
+
+
+def test_an_unknown_metric_is_refused_with_the_nearest(experiment: Experiment) -> None:
+    run = experiment.run(law="grosmc")
+    with pytest.raises(KeyError) as refused:
+        run.metrics["deviations"]
+    assert isinstance(refused.value, gm.GrosmcError)
+    assert str(refused.value).startswith("unknown metric 'deviations': did you mean 'deviation'?")
+    assert run.kept is all(item.kept for item in run.requirements)
+
+
+def test_an_experiment_is_shown_in_five_lines_at_most(experiment: Experiment) -> None:
+    shown = repr(experiment.changed({"edit.rotor.mass_scale": 3.0}))
+    assert len(shown.splitlines()) <= 5
+    assert len(shown) < 600
+    assert shown.endswith("changed: edit.rotor.mass_scale")
+    assert experiment.target in shown
+
+
 @pytest.mark.parametrize(
     ("experiments", "words"), [([], "there is none"), (["arm"], "must be a list of Experiments")]
 )

@@ -11,7 +11,7 @@ from typing import Any
 from grosmc_mj.experiments.requirements.accumulator import Rows
 from grosmc_mj.experiments.requirements.conditions import Conditions, RecordedRun
 from grosmc_mj.experiments.requirements.measurement import NO_WINDOWS, Windows, bands
-from grosmc_mj.experiments.requirements.metrics import Metric, settled_in, stays
+from grosmc_mj.experiments.requirements.metrics import Metric, Metrics, settled_in, stays
 from grosmc_mj.experiments.requirements.optimum import Comparison
 from grosmc_mj.experiments.requirements.run_metrics import (
     cost_shares,
@@ -60,7 +60,7 @@ class MeasuredRun:
     @cached_property
     def metrics(self) -> Mapping[str, Metric]:
         """Usual metrics by name."""
-        return usual_metrics(self.trajectory, self.controller, self.values())
+        return Metrics(usual_metrics(self.trajectory, self.controller, self.values()))
 
     # Most requirements are about the usual metrics.
     @cached_property

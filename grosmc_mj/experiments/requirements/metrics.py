@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+from grosmc_mj.ground.errors import ArgumentError, unknown_name
 from grosmc_mj.theory.plants import System
 
 # The usual 2 % band, a share of the initial error.
@@ -61,6 +62,21 @@ class Definition(NamedTuple):
     unit: str
     switched: tuple[float, float]
     stored: bool = False
+
+
+class NoMetricError(ArgumentError, KeyError):
+    """A metric of a name that a run does not have."""
+
+    # A KeyError would print its message in quotes.
+    __str__ = Exception.__str__
+
+
+class Metrics(dict[str, Metric]):
+    """Metrics of a run by name; an unknown name is refused with the valid ones."""
+
+    def __missing__(self, name: str) -> Metric:
+        """Refuse a name."""
+        raise NoMetricError(unknown_name("metric", name, self))
 
 
 # Further ones are the largest magnitudes of the internal positions, see ``largest_of``.
