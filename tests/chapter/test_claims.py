@@ -33,10 +33,10 @@ from grosmc_mj.chapter.claims.claim import (
     PlantFinding,
 )
 from grosmc_mj.chapter.claims.judging import judge, verdict_differences
-from grosmc_mj.chapter.claims.ledger import CLAIMS, ClaimMeasurement
+from grosmc_mj.chapter.claims.ledger import CLAIMS, ClaimMeasurement, select_claims
 from grosmc_mj.chapter.claims.measurements.arm import tracking
 from grosmc_mj.chapter.claims.measurements.theory import optimum_of_rate
-from grosmc_mj.chapter.claims.results import claims_result, sweeps_result
+from grosmc_mj.chapter.claims.results import claims_result, counts_words, sweeps_result
 from grosmc_mj.chapter.claims.sweep import stored_flips, stored_sweeps, sweep
 from grosmc_mj.cli.commands import claims as claims_command
 from grosmc_mj.experiments import cases
@@ -44,7 +44,7 @@ from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.experiments.settings import Settings
-from grosmc_mj.ground.errors import GainError
+from grosmc_mj.ground.errors import ArgumentError, GainError
 from grosmc_mj.output.results.document import json_text
 from grosmc_mj.output.results.result import Result
 from grosmc_mj.output.results.tables import WIDTH
@@ -730,3 +730,31 @@ def test_the_command_answers_first(answer_lines: list[str]) -> None:
 
 def test_the_command_answers_briefly(answer_lines: list[str]) -> None:
     assert len(answer_lines) <= 40
+
+
+@pytest.mark.parametrize(
+    ("place", "claim"),
+    [
+        ("Fig. 3", "pendulum-variation-lqr"),
+        ("fig 4", "pendulum-comparison"),
+        ("eq. (37)", "pendulum-naive-gain"),
+        ("Eq 6", "servo-semidefinite"),
+    ],
+)
+def test_claims_are_found_by_the_place_that_they_rest_on(place: str, claim: str) -> None:
+    found = [item.id for item in select_claims(place)]
+    assert claim in found
+    assert "servo-inertia-lqr" not in found
+
+
+def test_a_place_without_claims_is_told_where_equations_and_figures_are() -> None:
+    with pytest.raises(ArgumentError, match=r"no claim rests on Fig\. 77: docs/map\.md leads"):
+        select_claims("Fig. 77")
+
+
+def test_a_sentence_is_not_counted_by_a_part_of_its_claims() -> None:
+    """Of three claims under one sentence the two others are not judged."""
+    (one,) = [finding for finding in EXPECTED if finding.claim.id == "servo-inertia-lqr"]
+    assert counts_words([one]) == "1 of the 3 claims under its sentence, which see"
+    assert counts_words(EXPECTED).startswith("sentences of the chapter: ")
+    assert "claims under" not in counts_words(EXPECTED)

@@ -236,7 +236,7 @@ def campaign(tmp_path: Path) -> Path:
 RUN = ("run small.toml", "small.json")
 CLAIM = ("claims arm-eq57", "claims/arm-eq57.json")
 CAMPAIGN = ("campaign campaign.toml --runs 4 --shard 2", "results.json")
-PREMISES = ("claims premises servo/nominal", "premises_servo.json")
+PREMISES = ("claims premises servo/nominal", "premises_servo_nominal.json")
 
 
 @pytest.mark.usefixtures("case", "campaign")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import itertools
+import re
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -19,6 +20,9 @@ from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.theory.plants import SYSTEMS
+
+# A place in the chapter, as a user names it.
+_PLACE = re.compile(r"(fig|eq)[a-z]*\.? *\(?(\d{1,3})\)?", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -163,17 +167,47 @@ CLAIMS = tuple(_all_claims())
 
 
 def select_claims(target: str | None = None) -> list[Claim]:
-    """Return the claims about a system, one claim by its id, or all.
+    """Return the claims about a system, a figure or an equation, one claim by its id, or all.
+
+    Args:
+        target: A system, the id of a claim, or a place in the chapter: ``Fig. 3``, ``eq. (37)``.
 
     Raises:
-        ArgumentError: If there is no such system with claims, and no such claim.
+        ArgumentError: If there is no such system with claims, no such claim, and none of a place.
     """
     if target is None:
         return list(CLAIMS)
+    place = _PLACE.fullmatch(target.strip())
+    if place is not None:
+        return _claims_of_place(place[1].lower(), int(place[2]))
 
     systems = dict.fromkeys(claim.system for claim in CLAIMS)
     require_known("claim", target, [*systems, *(claim.id for claim in CLAIMS)])
     return [claim for claim in CLAIMS if target in (claim.system, claim.id)]
+
+
+def _claims_of_place(kind: str, number: int) -> list[Claim]:
+    """Return the claims that name a figure or an equation as their source."""
+    cited = [claim for claim in CLAIMS if number in _numbers_cited(claim.source, kind)]
+    if not cited:
+        place = f"Fig. {number}" if kind == "fig" else f"eq. ({number})"
+        raise ArgumentError(
+            f"no claim rests on {place}: docs/map.md leads from each equation to its code, "
+            "docs/tutorials/the_chapter.md from each figure to its command"
+        )
+    return cited
+
+
+def _numbers_cited(source: str, kind: str) -> set[int]:
+    """Return the numbers of figures, or of equations, in words such as ``eqs. (4)-(7), Fig. 3``."""
+    numbers: set[int] = set()
+    if kind == "fig":
+        for listed in re.findall(r"Figs?\. (\d+(?:(?:, | and )\d+)*)", source):
+            numbers.update(map(int, re.findall(r"\d+", listed)))
+        return numbers
+    for first, last in re.findall(r"\((\d+)\)(?:-\((\d+)\))?", source):
+        numbers.update(range(int(first), int(last or first) + 1))
+    return numbers
 
 
 def find_claim(name: str) -> Claim:

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from grosmc_mj.chapter.claims.claim import ClaimFinding, Kind, verdicts_of
+from grosmc_mj.chapter.claims.claim import ClaimFinding, Kind, sentences_of
+from grosmc_mj.chapter.claims.ledger import CLAIMS
 from grosmc_mj.chapter.claims.story import claim_tables, claims_tables, turning_table
 from grosmc_mj.experiments.settings import Settings
 from grosmc_mj.ground.wording import counted_of
@@ -94,12 +95,26 @@ def claims_result(
 
 
 def counts_words(findings: Sequence[ClaimFinding]) -> str:
-    """Return the counts of the chapter's sentences by verdict, in words; empty without any."""
-    counts = Counter(verdict.value for verdict in verdicts_of(findings, Kind.CLAIM))
-    if not counts:
-        return ""
-    shares = ", ".join(f"{count} {verdict}" for verdict, count in counts.most_common())
-    return f"sentences of the chapter: {shares}"
+    """Return the counts of the chapter's sentences by verdict, in words; empty without any.
+
+    A sentence of which some claims are left out has no verdict.
+    """
+    under = Counter((claim.system, claim.quote) for claim in CLAIMS if claim.kind is Kind.CLAIM)
+    counts = Counter[str]()
+    words = []
+    for sentence in sentences_of(findings):
+        claim = sentence.findings[0].claim
+        judged = len(sentence.findings)
+        all_claims = under[claim.system, claim.quote]
+        if judged < all_claims:
+            words.append(f"{judged} of the {all_claims} claims under its sentence, which see")
+        else:
+            counts[sentence.verdict.value] += 1
+
+    if counts:
+        shares = ", ".join(f"{count} {verdict}" for verdict, count in counts.most_common())
+        words.insert(0, f"sentences of the chapter: {shares}")
+    return "; ".join(words)
 
 
 def claims_values(findings: Sequence[ClaimFinding]) -> Iterator[Value]:

@@ -38,7 +38,7 @@ class JudgeCommand(AnsweringCommand):
     verdict is not the one that the repository expects.
 
     Attributes:
-        target: servo, cart_pendulum, arm or two_link_arm; or one claim.
+        target: servo, cart_pendulum, arm or two_link_arm; one claim; or "Fig. 3" or "eq. (37)".
         page: Write the page on all claims too, with its figures beside it.
         out: Folder for JSON and figures.
     """
@@ -201,12 +201,13 @@ class PremisesCommand(AnsweringCommand):
     Controllability, G B, relative degree, matching, the input-gain ratio, the switching gain
     required against the one configured (with the input gain's uncertainty counted), s(0), singular
     states. Over the declared operating region and along the run: the least margin, where it is, how
-    often it is violated, and the smallest gain that restores it. Writes premises_SYSTEM.json.
+    often it is violated, and the smallest gain that restores it. Writes premises_SYSTEM.json or, of
+    one case, premises_SYSTEM_CASE.json.
 
     Attributes:
         target: A system, or one of its cases.
         laws: The law whose premises are checked.
-        out: Folder for premises_SYSTEM.json.
+        out: Folder for the JSON.
     """
 
     target: Annotated[str, Parameter(metavar=CASES)]
@@ -228,7 +229,10 @@ class _PremisesQuestion(Question):
     """Do the premises of the theorems hold in each case?"""
 
     def __init__(self, command: PremisesCommand, experiments: Sequence[Experiment]) -> None:
-        self.path = command.out / f"premises_{experiments[0].system}.json"
+        of = experiments[0].system
+        if command.target != of:
+            of = f"{of}_{experiments[0].name}"
+        self.path = command.out / f"premises_{of}.json"
         self._law = command.laws
         self._experiments = experiments
         self._lab = _run_cache()
