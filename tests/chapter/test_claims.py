@@ -755,6 +755,6 @@ def test_a_place_without_claims_is_told_where_equations_and_figures_are() -> Non
 def test_a_sentence_is_not_counted_by_a_part_of_its_claims() -> None:
     """Of three claims under one sentence the two others are not judged."""
     (one,) = [finding for finding in EXPECTED if finding.claim.id == "servo-inertia-lqr"]
-    assert counts_words([one]) == "1 of the 3 claims under its sentence, which see"
+    assert counts_words([one]) == "1 of the 3 claims under one sentence: see docs/claims.md"
     assert counts_words(EXPECTED).startswith("sentences of the chapter: ")
     assert "claims under" not in counts_words(EXPECTED)

@@ -107,7 +107,9 @@ def counts_words(findings: Sequence[ClaimFinding]) -> str:
         judged = len(sentence.findings)
         all_claims = under[claim.system, claim.quote]
         if judged < all_claims:
-            words.append(f"{judged} of the {all_claims} claims under its sentence, which see")
+            words.append(
+                f"{judged} of the {all_claims} claims under one sentence: see docs/claims.md"
+            )
         else:
             counts[sentence.verdict.value] += 1
 
