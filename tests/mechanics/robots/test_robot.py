@@ -17,7 +17,7 @@ from mjcf import ONE, TREE
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, ModelError, PremiseError
 from grosmc_mj.ground.files import LARGEST_TEXT
-from grosmc_mj.mechanics.physics.edits import BodyEdit
+from grosmc_mj.mechanics.physics.edits import AddedMass, BodyEdit
 from grosmc_mj.mechanics.physics.files import load_spec
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.mechanics.robots.model import read_spec
@@ -521,6 +521,13 @@ LINK = """
 def test_an_actuator_that_no_torque_stands_for_is_refused(actuators: str, words: str) -> None:
     with pytest.raises(ModelError, match=words):
         Robot.from_mjcf(LINK.format(actuators))
+
+
+def test_a_mass_at_a_site_is_told_the_body_and_the_place() -> None:
+    plant = Robot.from_mjcf(LINK.format("<motor joint='j'/>")).plant
+    words = r"""'s' is a site: write body = "link", and at = \["0.5 m", "0 m", "0 m"\]"""
+    with pytest.raises(ModelError, match=words):
+        _ = plant.changed(AddedMass("s", 1.0)).model
 
 
 @pytest.mark.parametrize(
