@@ -87,8 +87,10 @@ def _batch(study: TuneStudy, runs: int) -> float:
     """Runs a second of a batch of one design."""
     measure = Measure(study.laws[0], list(study.conditions))
     design = study.laws[0].as_in_file
+    (condition,) = study.conditions
+    designs = [design] * (runs // study.draws)
     begun = time.perf_counter()
-    measure.outcomes([design] * (runs // study.draws), study.conditions[0], range(study.draws))
+    measure.outcomes(designs, condition, range(study.draws), measure.asked(condition))
     return runs / (time.perf_counter() - begun)
 
 

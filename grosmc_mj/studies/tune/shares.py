@@ -153,7 +153,7 @@ class Measure:
                 designs[index].complete = False
             if not racing:
                 break
-            outcomes = self._outcomes([laws[i] for i in racing], item, draws, self._asked(item))
+            outcomes = self.outcomes([laws[i] for i in racing], item, draws, self.asked(item))
             runs += len(racing) * len(draws)
             for place, index in enumerate(racing):
                 rows = range(place * len(draws), (place + 1) * len(draws))
@@ -168,13 +168,13 @@ class Measure:
             stages.append((first, range(1, first.draws)))
         return stages + [(item, range(item.draws)) for item in self.conditions[1:]]
 
-    def _asked(self, item: TuningCondition) -> list[Requirement]:
-        """Requirements that a run can fail; all of them if there is none."""
+    def asked(self, item: TuningCondition) -> list[Requirement]:
+        """Return the requirements that a run can fail; all of them if there is none."""
         limits = self.limits[item.name]
         can_fail = [limit for limit in limits if limit.name not in self.unfailing[item.name]]
         return can_fail or list(limits)
 
-    def _outcomes(
+    def outcomes(
         self,
         designs: Sequence[Design],
         item: TuningCondition,
@@ -224,7 +224,7 @@ class Measure:
         verdicts = []
         for item in self.conditions:
             draws = range(first, first + count) if item.drawn else range(1)
-            outcomes = self._outcomes([design], item, draws, self.limits[item.name])
+            outcomes = self.outcomes([design], item, draws, self.limits[item.name])
             runs = [
                 self._counted(outcomes.verdict(row, draw=number), item)
                 for row, number in enumerate(draws)

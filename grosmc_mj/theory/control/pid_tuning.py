@@ -200,8 +200,8 @@ def without_fast_poles(loop: PidLoop, bandwidth: float) -> PidLoop:
     if any(pole.real > -fast for pole in neglected):
         return loop
 
-    at_once = np.linalg.solve(A[np.ix_(f, f)], np.hstack([A[np.ix_(f, s)], B[f]]))
-    reduced = np.hstack([A[np.ix_(s, s)], B[s]]) - A[np.ix_(s, f)] @ at_once
+    at_once = np.linalg.solve(A[f][:, f], np.hstack([A[f][:, s], B[f]]))
+    reduced = np.hstack([A[s][:, s], B[s]]) - A[s][:, f] @ at_once
     A_s = reduced[:, : len(s)]
     of_reduced = sorted(map(complex, np.linalg.eigvals(A_s).tolist()), key=abs)
     if not np.allclose(of_reduced, poles[: len(s)], rtol=_SAME, atol=_SAME * bandwidth):
