@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from functools import cache
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from grosmc_mj.experiments.file.content import read_content
 from grosmc_mj.experiments.file.reading import case_file_of, read_case_file
 from grosmc_mj.experiments.file.shipped import case_order, find_file, shipped_files
 from grosmc_mj.ground.arguments import require_known
-from grosmc_mj.ground.errors import placed
+from grosmc_mj.ground.errors import GrosmcError, placed
 from grosmc_mj.ground.fields import Name, checked_call
 from grosmc_mj.theory.control.controller import Controller
 from grosmc_mj.theory.control.design import realized
@@ -60,6 +61,9 @@ def find_plants(target: str) -> list[tuple[Experiment, list[str]]]:
     file = case_file_of(content, path)
     with placed(f"{path}: "):
         experiment = Experiment.of_file(file, path)
+    # It designs the laws; one that cannot be is told by whoever asks for it.
+    with contextlib.suppress(GrosmcError):
+        experiment.warn_of_implausible()
     return [(experiment, experiment.controllers if has_laws else [])]
 
 

@@ -161,9 +161,13 @@ class Experiment:
         file = read_case_file(path)
         with placed(f"{path}: "):
             experiment = cls.of_file(file, path).checked()
-        for line in experiment._implausible():
-            warnings.warn(f"{path}: {line}", ImplausibleWarning, stacklevel=2)
+        experiment.warn_of_implausible()
         return experiment
+
+    def warn_of_implausible(self) -> None:
+        """Warn of each number that is allowed, and probably a mistake."""
+        for line in self._implausible():
+            warnings.warn(f"{self.path}: {line}", ImplausibleWarning, stacklevel=3)
 
     def _implausible(self) -> list[str]:
         """Return a line for each number that is allowed, and probably a mistake."""

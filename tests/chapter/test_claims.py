@@ -667,7 +667,7 @@ def test_a_result_of_claims_holds_no_nan(verdict: ClaimVerdict | None) -> None:
     ("verdict", "words", "value"),
     [
         (None, "All verdicts are as expected", "as expected"),
-        (SUPPORTED, "1 of 1 verdicts differ from the expected ones", "not as expected"),
+        (SUPPORTED, "1 of 1 verdict differs from the expected ones", "not as expected"),
     ],
 )
 def test_a_result_of_claims_says_whether_verdicts_are_as_expected(

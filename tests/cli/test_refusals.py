@@ -25,7 +25,7 @@ REFUSALS = [
         "claims, study, tune, identify, compare, predict, export, report, diff, list",
     ),
     ("doctor", "unknown command 'doctor': valid: new, run, campaign, film, view"),
-    ("validate arm/case9", "valid: nominal, case1, case2, bench"),
+    ("validate arm/case9", "valid: nominal, case1, case2, tuned, bench"),
     ("validate small.toml", "judged by grosmc-mj run"),
     ("validate servo/machine", "no results of a machine are recorded"),
     ("run servo --no-figure", "unknown option --no-figure: did you mean --no-figures?; for help"),

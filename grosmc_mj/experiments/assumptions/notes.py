@@ -37,6 +37,7 @@ def notes_on(experiment: Experiment, results: Sequence[RunResult]) -> list[str]:
     notes = list(experiment.not_judged)
     notes += _unasked(experiment)
     notes += idle_loads(on_truest)
+    notes += [never_acts(load, experiment.duration) for load in _late(experiment)]
     notes += _unmeasured(experiment)
     notes += growth(experiment, [result.controller for result in on_truest])
     notes += unmatched(experiment, on_truest)
@@ -81,6 +82,19 @@ def _unasked(experiment: Experiment) -> Iterator[str]:
             f"nothing is required of {name_list(unasked)}: the requirements of {base} are of "
             f"{name_list(sorted(asked))}; a [[requirement]] of your own replaces them"
         )
+
+
+def _late(experiment: Experiment) -> Iterator[str]:
+    """Yield the label, or the body or signal, of each disturbance that begins after the run."""
+    for disturbance in experiment.disturbances:
+        first, _ = disturbance.window
+        if first >= experiment.duration:
+            yield disturbance.label or disturbance.of
+
+
+def never_acts(load: str, duration: float) -> str:
+    """Return the note on a disturbance that begins when all runs have ended, at a duration [s]."""
+    return f"{load} never acts: runs end at {duration:g} s, before it begins"
 
 
 def _steps_by_default(experiment: Experiment) -> Iterator[str]:

@@ -58,18 +58,16 @@ def disturbances_of(file: Any, system: System, folder: Path) -> tuple[AnyDisturb
         ArgumentError: For all that do not fit.
     """
     mistakes = Mistakes()
-    make = partial(_acting, system=system, folder=folder, end=file.run.duration)
+    make = partial(_acting, system=system, folder=folder)
     disturbances = mistakes.each("disturbance", file.disturbance, make, file.base_of("disturbance"))
     mistakes.refuse()
     return tuple(disturbances)
 
 
-def _acting(table: PartTable, system: System, folder: Path, end: float) -> AnyDisturbance:
-    """Return one disturbance, which acts before the end of a run [s]."""
+def _acting(table: PartTable, system: System, folder: Path) -> AnyDisturbance:
+    """Return one disturbance, which acts after the begin of a run."""
     disturbance = _disturbance(table, system, folder)
-    first, last = disturbance.window
-    if first >= end:
-        raise ArgumentError(f"it begins at {first:g} s, a run ends at {end:g} s: it never acts")
+    _, last = disturbance.window
     if last <= 0:
         raise ArgumentError(f"it ends at {last:g} s, a run begins at 0 s: it never acts")
     return disturbance

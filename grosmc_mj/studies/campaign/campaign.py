@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from grosmc_mj.experiments.assumptions.notes import notes_on_plant
+from grosmc_mj.experiments.assumptions.notes import never_acts, notes_on_plant
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS
 from grosmc_mj.experiments.plants import PlantName
@@ -263,8 +263,7 @@ class Campaign:
     def notes(self) -> list[str]:
         """Notes beside the pass rates, a line each."""
         lines = list(self.not_judged)
-        late = f"never acts: runs end at {self.duration:g} s, before it begins."
-        lines += [f"{name} {late}" for name in self.idle]
+        lines += [f"{never_acts(name, self.duration)}." for name in self.idle]
         lines += self.unfailing.values()
         lines += notes_on_plant(self.experiment, self.plant)
         return list(dict.fromkeys(lines))

@@ -54,6 +54,23 @@ def read(folder: Path, text: str) -> Experiment:
     return Experiment.load(path)
 
 
+def test_a_disturbance_that_begins_after_the_run_is_told(tmp_path: Path) -> None:
+    pulse = """
+[[disturbance]]
+body = "rotor"
+torque = ["0 N m", "0.1 N m", "0 N m"]
+profile = "pulse"
+start = "2 s"
+stop = "3 s"
+label = "load"
+"""
+    experiment = read(tmp_path, short_step() + pulse)
+    note = f"load never acts: runs end at {experiment.duration:g} s, before it begins"
+    assert note in notes_on(experiment, list(experiment.runs()))
+    longer = experiment.changed(duration=2.001)
+    assert note not in notes_on(longer, [])
+
+
 def test_steps_that_nobody_sets_are_told(tmp_path: Path) -> None:
     read(tmp_path, LEG.format(Q=1))
     model = LEG_MODEL.replace('timestep="0.001" integrator="RK4"', "")

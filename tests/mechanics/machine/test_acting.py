@@ -140,7 +140,7 @@ def test_limits_are_judged_on_what_acts(tmp_path) -> None:
 )
 def test_a_limit_that_no_motor_exceeds_cannot_fail(tmp_path, motor, can_fail) -> None:
     required = '[[requirement]]\ninput_below = "40 N m"\n'
-    experiment = case(tmp_path, motor, required, duration="0.01 s")
+    experiment = case(tmp_path, motor, required, duration="0.02 s")
     result = experiment.run("physics", "full")
     assert (unfailing(experiment.limits, [result]) == []) is can_fail
 

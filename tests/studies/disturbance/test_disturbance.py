@@ -16,6 +16,7 @@ from commands import Screen, assert_one_line, run
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.requirements.judging import judge_run
+from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.studies import campaign as cases_of_campaigns
 from grosmc_mj.studies.disturbance.answer import (
     answer_table,
@@ -516,13 +517,11 @@ def test_values_name_the_place_of_the_disturbance(tmp_path) -> None:
     assert names[0].isdisjoint(names[1])
 
 
-def test_a_requirement_that_no_signal_touches_has_a_share_of_nothing(tmp_path) -> None:
+def test_a_requirement_that_no_signal_touches_is_nothing_to_search(tmp_path) -> None:
     """The disturbance acts from the start on: there is nothing to recover from."""
     requirement = 'recovers_within = "1 s"\nband = "0.1 rad"'
-    study = disturbance_study(str(linear(tmp_path, requirement)), "u", "1 A", pieces=4)
-    worst = study.find("law", lambda _: None)
-    assert (worst.share, worst.change) == (0.0, 0.0)
-    assert words_of(study, worst).startswith("law: 0 of recovers within 1 s")
+    with pytest.raises(ArgumentError, match="nothing that may be searched is required of law"):
+        disturbance_study(str(linear(tmp_path, requirement)), "u", "1 A", pieces=4)
 
 
 def test_resume_searches_only_what_is_missing(tmp_path, capsys: Screen, monkeypatch) -> None:
