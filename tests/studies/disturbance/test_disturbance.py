@@ -372,7 +372,9 @@ def found_by_nobody(study: DisturbanceStudy) -> WorstDisturbance:
 def places_of(case: Experiment) -> dict[str, str]:
     """Return a bound by place: of the file's own loads, a body, an input and a measurement."""
     system = case.nominal.system
-    bounds = {signal.name: f"1 {signal.unit}" for signal in (system.inputs[0], system.states[0])}
+    bounds = {signal.name: f"1 {signal.unit}" for signal in (system.states[0], system.inputs[0])}
+    # Of equal names a body comes before an input, and that before a state.
+    bounds = {name: bound for name, bound in bounds.items() if name not in system.bodies}
     bodies = [load.of for load in case.disturbances if load.of in system.bodies]
     return {**bounds, **dict.fromkeys([*bodies, *system.bodies[-1:]], "1 N")}
 
