@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,10 +31,18 @@ CART_POLE = MEASURED / "cart_pole/train_0.parquet"
 
 
 def answer_of(command: str, log: Path, case: str, folder: Path) -> Any:
-    """The result of a command on a log and a case."""
-    assert run(command, log, CASES / f"{case}.toml", "--out", folder) == cli.DONE
+    """The result of a command on a log and a case, beside which another one may be written."""
+    assert run(command, log, copied(folder) / f"{case}.toml", "--out", folder) == cli.DONE
     (path,) = folder.glob("*.json")
     return json.loads(path.read_text(encoding="utf-8"))
+
+
+def copied(folder: Path) -> Path:
+    """A folder with the cases, whose models are beside them and in measured/."""
+    cases = folder / "tests/identify/log_cases"
+    shutil.copytree(CASES, cases)
+    (folder / "measured").symlink_to(MEASURED)
+    return cases
 
 
 def errors_by_rung(log: Path, case: str, folder: Path) -> dict[str, np.ndarray]:
@@ -76,7 +85,13 @@ def test_an_exact_log_of_the_pendulum_is_predicted_exactly(
 
 @pytest.mark.parametrize("step", [20, 1])
 def test_a_pendulum_that_is_too_heavy_leaves_no_white_residual(step: int, tmp_path: Path) -> None:
-    arguments = (CASES / "heavier.toml", "--fit", "edit.pivot.armature", "--out", tmp_path)
+    arguments = (
+        copied(tmp_path) / "heavier.toml",
+        "--fit",
+        "edit.pivot.armature",
+        "--out",
+        tmp_path,
+    )
     assert run("identify", log_of_its_own("exact20", step, tmp_path), *arguments) == cli.DONE
     (path,) = tmp_path.glob("identification*.json")
     (row,) = json.loads(path.read_text())["held_out"]
@@ -89,7 +104,8 @@ def test_a_bad_guess_of_damping_is_no_slip(tmp_path: Path, capsys: Screen) -> No
 
 
 def test_bristles_that_are_unstable_in_a_fit_are_refused(tmp_path: Path, capsys: Screen) -> None:
-    assert run("identify", STEPS, CASES / "bristles.toml", "--out", tmp_path) == cli.WRONG
+    bristles = copied(tmp_path) / "bristles.toml"
+    assert run("identify", STEPS, bristles, "--out", tmp_path) == cli.WRONG
     assert "makes the bristles unstable: take a timestep of at most" in capsys.readouterr().err
 
 
