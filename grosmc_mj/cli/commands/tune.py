@@ -67,18 +67,19 @@ class TuneCommand(SearchStudyCommand["TuneStudy", "TunedLaw"]):
 
     def draw(self, study: TuneStudy, rows: Sequence[TunedLaw], path: Path) -> Sequence[Path]:
         """Draw the figure and write the tuned case file."""
+        from grosmc_mj.experiments.file.shipped import written_beside
         from grosmc_mj.ground.files import write_whole
         from grosmc_mj.output.charts.figure import write_chart
         from grosmc_mj.output.charts.of_results import panels_chart
         from grosmc_mj.studies.tune.answer import charts, law_answer
-        from grosmc_mj.studies.tune.case_text import case_text, tuned_path
+        from grosmc_mj.studies.tune.case_text import case_text
 
         figure = path.with_suffix(".png")
         title = f"{study.target}: tuned laws"
         write_chart(panels_chart(title, [charts(row) for row in rows]), figure)
 
         name = f"{result_name(study.case.path)}_tuned.toml"
-        case = tuned_path(study.case, self.out, name)
+        case = written_beside(study.case.path, self.out, name)
         values = {row.law: row.values for row in rows}
         laws = [law for law in study.laws if law.name in values]
         comments = [law_answer(study, row).words for row in rows]

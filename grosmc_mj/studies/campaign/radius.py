@@ -129,7 +129,7 @@ class Radius:
 
     @property
     def words(self) -> str:
-        """What was found, behind words on the law."""
+        """Largest scale without a failure, as a phrase behind words on the law."""
         return f"no failure found up to {self.found:.3g} times the uncertainty"
 
 

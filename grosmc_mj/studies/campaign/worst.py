@@ -95,7 +95,7 @@ class WorstPlant:
 
     @property
     def words(self) -> str:
-        """What was found, behind words on the law."""
+        """Margin of the plant, as a phrase behind words on the law."""
         return f"worst plant found: margin {number(self.relative)} of its limit"
 
 

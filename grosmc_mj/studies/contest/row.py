@@ -100,11 +100,6 @@ class ContestLaw(BaseModel):
         return self.entries[-1] if self.entries else None
 
     @property
-    def tuned_values(self) -> dict[str, float]:
-        """The numbers that were found, by path."""
-        return {number.path: number.after for number in self.numbers}
-
-    @property
     def kept(self) -> bool:
         """Whether the tuned law keeps all on draws of no search."""
         return self.tuned is not None and self.tuned.kept

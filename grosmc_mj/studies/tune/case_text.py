@@ -5,26 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
-from pathlib import Path
 
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.content import Content
 from grosmc_mj.experiments.file.reading import case_file_of
-from grosmc_mj.experiments.file.shipped import shipped_files, written_beside
+from grosmc_mj.experiments.file.shipped import name_for_people
 from grosmc_mj.experiments.file.text import text_of
 from grosmc_mj.experiments.requirement_tables import kinds_in
 from grosmc_mj.studies.tune.numbers import TunableLaw
-
-
-def tuned_path(experiment: Experiment, out: Path, name: str) -> Path:
-    """Return the path of a tuned case file: beside the case, or in a folder for one shipped.
-
-    Args:
-        experiment: The case.
-        out: Folder of the results.
-        name: Name of the file.
-    """
-    return written_beside(experiment.path, out, name)
 
 
 def case_text(
@@ -42,7 +30,7 @@ def case_text(
         comments: Lines that the file begins with.
     """
     content: Content = {
-        "extends": _extended(experiment.path),
+        "extends": name_for_people(experiment.path),
         "title": f"{experiment.title}: tuned laws",
         "laws": {law.base: _table(law, values[law.name]) for law in laws},
         "controller": [{"name": law.name, "law": law.base} for law in laws],
@@ -111,11 +99,3 @@ def _requirements(experiment: Experiment, laws: Sequence[TunableLaw]) -> Iterato
             content = {key: value for key, value in written.items() if key not in left_out}
             if asked:
                 yield content if of == names else {"of": of, **content}
-
-
-def _extended(path: Path) -> str:
-    """Name by which a file extends another one."""
-    for name, file in shipped_files().items():
-        if file == path:
-            return name
-    return path.name

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from pydantic import BaseModel
 
@@ -87,4 +88,9 @@ class TunedLaw(BaseModel):
     @property
     def values(self) -> dict[str, float]:
         """The numbers of the best design, by path."""
-        return {number.path: number.after for number in self.numbers}
+        return found_values(self.numbers)
+
+
+def found_values(numbers: Sequence[TunedNumberRow]) -> dict[str, float]:
+    """Return the values that a search found, by path."""
+    return {number.path: number.after for number in numbers}

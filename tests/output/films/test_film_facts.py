@@ -102,7 +102,7 @@ def test_a_picture_has_the_wrench_of_its_own_run(monkeypatch: pytest.MonkeyPatch
 
 
 def test_of_five_laws_the_last_four_are_filmed_in_mujoco(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a run compares stands before the law of interest."""
+    """The runs of a comparison stand before the law of interest."""
     results: list[Any] = [
         SimpleNamespace(plant=plant, case="case", law=law)
         for law in "abcde"

@@ -119,7 +119,7 @@ def test_changes_come_by_their_effect_and_of_one_effect_by_their_relative_size()
         ({"deviation": 9e-3, "machine": "there"}, {"deviation": CHANGED}),
         # A single run of another seed tells nothing.
         ({"margin": 0.5, "seed": 7}, {"margin": UNJUDGED}),
-        # What was not asked again was not measured; a run that ends early has lost its number.
+        # An option not used again was not measured; a run that ends early lost its number.
         ({"without": "x: margin"}, {"margin": Effect.NOT_MEASURED}),
         ({"deviation": None}, {"deviation": WORSE}),
     ],

@@ -364,7 +364,7 @@ def test_the_distance_of_the_phase_from_the_line_at_the_crossover_is_the_phase_m
 
 
 def test_a_curve_ends_at_its_first_gap() -> None:
-    """What comes back beyond the gap may be a turn off."""
+    """Beyond the gap the phase may be a turn off."""
     size = np.array([0.1, 2.0, 1.0, 0.01, 0.5])
     shown = margins_figure._about_largest(size > 0.03, size)
     assert shown.tolist() == [True, True, True, False, False]

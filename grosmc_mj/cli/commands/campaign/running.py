@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 
 from grosmc_mj.cli import screen
@@ -44,7 +44,6 @@ class RunsQuestion(Question):
         progress: Lines on the parts that were there already and on the speed of the others.
         begun: Whether the folder is this campaign's.
         searched: What searches from its runs found, by law.
-        found: Statements of its runs, once there is a result.
     """
 
     campaign: Campaign
@@ -56,7 +55,6 @@ class RunsQuestion(Question):
     progress: list[str] = field(default_factory=list)
     begun: bool = False
     searched: dict[str, list[str]] = field(default_factory=dict)
-    found: Findings = field(init=False)
 
     def __post_init__(self) -> None:
         self.path = self.folder.path / RESULTS
@@ -97,10 +95,14 @@ class RunsQuestion(Question):
         """Return the statements of the runs that are there."""
         if not self.begun or not self._done:
             return None
-        self.found = findings(self.campaign, self.folder, self.confidence)
         return campaign_result(
             self.campaign, self.found, self.at_least, self.progress, self.searched
         )
+
+    @cached_property
+    def found(self) -> Findings:
+        """Statements of the runs that are there, once no more are made."""
+        return findings(self.campaign, self.folder, self.confidence)
 
     @property
     def _done(self) -> int:
@@ -212,7 +214,7 @@ class RadiusQuestion(Question):
 
 @dataclass
 class CampaignQuestion(Question):
-    """What do the runs of a campaign show, and what do searches from the worst of them find?
+    """Do the laws hold, by the runs of a campaign and by searches from the worst of them?
 
     The answer comes when all is done, so that it begins with both.
 
@@ -241,8 +243,6 @@ class CampaignQuestion(Question):
     def measure(self) -> None:
         """Run what is missing, then search from the worst runs."""
         self.runs.measure()
-        # It has the worst runs.
-        self.runs.result(complete=True)
         for search in self.searches:
             self._current = search
             search.measure()
