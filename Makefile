@@ -21,7 +21,7 @@ STORED = $(if $(ARGS)$(filter %.py,$(PART)),,--junitxml=build/tests/$(1).xml)
 COMPUTING := theory mechanics simulation experiments/assumptions experiments/requirements studies/margins export
 # The file says what it emulates, and how.
 OLDER := nehalem haswell
-AS := $(BIN)/python tests/emulated_machine.py
+AS := $(BIN)/python tools/emulated_machine.py
 
 GALLERY := renders/films/gallery
 
@@ -65,7 +65,7 @@ test-apart: $(INSTALLED) $(SYSTEM)  ## Run the rest: browser, Dask, mutated inpu
 test-all: test test-apart  ## Run every test
 
 test-report: $(INSTALLED)  ## Put the stored results of all parts together; fail if one failed or is missing
-	@$(BIN)/python tests/report.py
+	@$(BIN)/python tools/report.py
 
 test-fast: $(INSTALLED)  ## Run the tests that are neither slow nor render
 	$(FAST)
@@ -84,7 +84,7 @@ portable-fast: $(INSTALLED)  ## The fast tests of what computes, with another ma
 	$(AS) other-libraries $(FAST) $(call STORED,portable) $(COMPUTING:%=tests/%)
 
 mutate: $(INSTALLED)  ## Put faults in and count those that tests notice; under ten minutes, the next call goes on
-	$(BIN)/python tests/mutants.py $(ARGS)
+	$(BIN)/python tools/mutants.py $(ARGS)
 
 lint: $(INSTALLED)  ## Check style, format and the direction of imports
 	$(BIN)/ruff check .

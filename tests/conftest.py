@@ -24,6 +24,8 @@ import pytest
 from commands import run
 from hostile_trial import Trial
 from last_digits import change_last_digits
+from printed import Printed, answer
+from syrupy.assertion import SnapshotAssertion
 
 import grosmc_mj
 from grosmc_mj import cli
@@ -239,6 +241,25 @@ def _campaign(store: Store, kind: str, **more: Any) -> Any:
     declared = campaign_cases.campaign(getattr(campaign_cases, kind)(), **more)
     path = store.folder(f"campaign_{kind}", lambda path: campaign_cases.kept(declared, path))
     return campaign_cases.Folder(path)
+
+
+@pytest.fixture
+def printed(
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    snapshot: SnapshotAssertion,
+) -> Callable[..., None]:
+    """Requirement that a command, in a folder of its own, prints its snapshot."""
+    monkeypatch.chdir(tmp_path)
+    # No line of progress, however slow the machine is.
+    monkeypatch.setattr(screen, "LINE_EVERY", float("inf"))
+    stored = snapshot.use_extension(Printed)
+
+    def require(*arguments: object) -> None:
+        assert answer(capsys, tmp_path, *arguments) == stored
+
+    return require
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ some minutes and stores a JSON line a mutant under build/mutants, by the hash of
 and by the seed; the next call goes on where it stopped. Each worker has a copy of the checkout:
 this one stays as it is.
 
-    python tests/mutants.py --seed 7 --count 60
-    python tests/mutants.py --seed 7 --count 60 --slow    # survivors again, with slow tests too
+    python tools/mutants.py --seed 7 --count 60
+    python tools/mutants.py --seed 7 --count 60 --slow    # survivors again, with slow tests too
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Run a command as on another machine: its vector instructions, BLAS kernels and libm.
 
-    python tests/emulated_machine.py nehalem python -m pytest ...
+    python tools/emulated_machine.py nehalem python -m pytest ...
 
 The libraries read these variables when they are loaded, so the command is a process of its own.
 What the variables bring about is looked at first. MuJoCo's own code stays as it is.
