@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.content import read_content
 from grosmc_mj.experiments.file.text import text_of
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.ground.errors import ModelError
 from grosmc_mj.ground.files import atomic_write
+from grosmc_mj.identify.closed_loop import is_of_loop, with_closed_loop
 from grosmc_mj.identify.fit import Fit
 from grosmc_mj.studies.sweep.family import number_of
 from grosmc_mj.studies.sweep.quantities import Quantity
@@ -26,38 +28,44 @@ _WRITTEN = 1e-8
 _SAME = 1e-9
 
 
-def write_case(fit: Fit, log: str, path: Path) -> None:
+def write_case(fit: Fit, log: str, path: Path, loop: Experiment | None = None) -> None:
     """Write the case with the fitted values and their covariance.
 
     Args:
         fit: The fit.
         log: Name of its log.
         path: The TOML file.
+        loop: Case whose closed loop it takes, see ``closed_loop``; its own without.
 
     Raises:
         SetupError: If it cannot be written.
     """
-    text = case_text(fit, log, path)
+    text = case_text(fit, log, path, loop)
     with atomic_write(path) as part:
         part.write_text(text, encoding="utf-8")
 
 
-def case_text(fit: Fit, log: str, path: Path) -> str:
+def case_text(fit: Fit, log: str, path: Path, loop: Experiment | None = None) -> str:
     """Return the text of the case with the fitted values, for a file at a path."""
     experiment = fit.parameters.experiment
     content = read_content(experiment.path)
+    kept = _kept_tables(fit, content.get("uncertain", []))
+    settings = experiment.settings
     content["title"] = f"{experiment.title}, as identified from {log}"
+    if loop is not None:
+        content = with_closed_loop(content, loop)
+        kept = {name: table for name, table in kept.items() if not is_of_loop(table["number"])}
+        settings = loop.settings
+        content["title"] = f"{loop.title}, on the machine identified from {log}"
     declared = content.get("plant", {"system": experiment.system})
     content["plant"] = _plant_table(fit, declared, path)
     for table in content.get("measured", []):
         table["log"] = os.path.relpath(experiment.path.parent / table["log"], path.parent)
 
-    settings = experiment.settings
     for quantity, value, _ in fit.estimates:
         number = quantity.number
         as_run = number.as_run(value, settings.timestep, settings.control_period)
         number.write(content, as_run, _written)
-    kept = _kept_tables(fit, content.get("uncertain", []))
     content["uncertain"] = [*kept.values(), *_fitted_tables(fit)]
     content["correlation"] = [
         *(table for table in content.get("correlation", []) if kept.keys() >= {*table["between"]}),

@@ -82,28 +82,33 @@ class IdentifyCommand(_OfLog):
     Attributes:
         fit: Names of [[uncertain]] numbers, or paths such as edit.shaft.damping.
         hold_out: Share of the log, its end, that is not fitted but predicted.
+        loop: Case whose run, task, laws and requirements the case file has.
     """
 
     _: KW_ONLY
     fit: Annotated[tuple[str, ...], Parameter(metavar="NAME...", show_default="all")] = ()
     hold_out: Annotated[float, Parameter(metavar="SHARE")] = 0.3
+    loop: Annotated[str, Parameter("--case", metavar="CASE", show_default="those of CASE")] = ""
 
     def questions(self) -> Sequence[Question]:
         """Return the one question of the logs."""
         from grosmc_mj.experiments.file.shipped import written_beside
+        from grosmc_mj.identify.closed_loop import closed_loop
         from grosmc_mj.identify.parameters import parameters_of
 
         if not 0 < self.hold_out < 0.9:
             raise ArgumentError(f"--hold-out {self.hold_out:g} must be above 0 and below 0.9")
         experiment, log = self._read()
+        # It has a name of its own: a run of it writes results of that name.
+        name = self._path("identify", experiment).with_suffix(".toml").name
+        case_file = written_beside(experiment.path, self.out, name)
+        loop = None
+        if self.loop:
+            loop = closed_loop(self.loop, experiment, case_file)
         question = _IdentifyQuestion(
             path=self._path("identification", experiment),
-            # It has a name of its own: a run of it writes results of that name.
-            case_file=written_beside(
-                experiment.path,
-                self.out,
-                self._path("identify", experiment).with_suffix(".toml").name,
-            ),
+            case_file=case_file,
+            loop=loop,
             command=self,
             parameters=parameters_of(experiment, self.fit),
             log=log,
@@ -141,6 +146,7 @@ class _IdentifyQuestion(Question):
         parameters: Parameters to be fitted.
         log: The whole log.
         parts: The part of the log that is fitted, and the one that is held out.
+        loop: Case whose closed loop the case file has; that of the command without.
         best: The fit; None before it.
         errors: Residuals of the part that is held out.
         unwritten: Text of the case file, if it could not be written.
@@ -152,6 +158,7 @@ class _IdentifyQuestion(Question):
     parameters: Parameters
     log: Log
     parts: tuple[Predictor, Predictor]
+    loop: Experiment | None = None
     best: Fit | None = None
     errors: Any = None
     unwritten: str = ""
@@ -194,9 +201,9 @@ class _IdentifyQuestion(Question):
         from grosmc_mj.identify.case_file import case_text, write_case
 
         try:
-            write_case(best, self.log.name, self.case_file)
+            write_case(best, self.log.name, self.case_file, self.loop)
         except SetupError:
-            self.unwritten = case_text(best, self.log.name, self.case_file)
+            self.unwritten = case_text(best, self.log.name, self.case_file, self.loop)
             raise
 
     def result(self, *, complete: bool) -> Result | None:

@@ -12,6 +12,7 @@ from grosmc_mj.experiments.assumptions.loads import Instants, Load, instants_of,
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.plants import design_variant
 from grosmc_mj.ground.arrays import Array
+from grosmc_mj.ground.errors import ModelError
 from grosmc_mj.ground.units import rate_unit
 from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.mechanics.physics.hooks import warnings_counted_only
@@ -54,13 +55,21 @@ def unmatched(experiment: Experiment, results: Sequence[RunResult]) -> list[str]
     """
     loads = []
     changes = []
+    not_told: dict[str, None] = {}
     for result in results:
         if result.controller.design is None or not len(result.trajectory.input):
             continue
-        loads += [_of_load(result, load) for load in loads_of(result)]
-        if _changed(experiment):
-            changes.append(_of_change(experiment, result))
-    return _lines([*loads, *changes])
+        try:
+            loads += [_of_load(result, load) for load in loads_of(result)]
+            if _changed(experiment):
+                changes.append(_of_change(experiment, result))
+        except ModelError as error:
+            # An edit, such as damping, that MuJoCo's model has and the equations have no term for.
+            not_told[
+                "whether the inputs match loads and changes of the plant is not told: by its "
+                f"equations, {error}"
+            ] = None
+    return [*_lines([*loads, *changes]), *not_told]
 
 
 def _changed(experiment: Experiment) -> bool:

@@ -54,6 +54,27 @@ def read(folder: Path, text: str) -> Experiment:
     return Experiment.load(path)
 
 
+def test_a_load_on_a_joint_with_damping_that_the_equations_lack_is_no_mistake(
+    tmp_path: Path,
+) -> None:
+    """The arm's equations have no damping: MuJoCo runs it, and matching is not told."""
+    text = """
+extends = "arm/case1"
+[plant]
+compare = ["physics"]
+[run]
+duration = "0.02 s"
+[[edit]]
+joint = "joint"
+damping = 0.02
+[[controller]]
+law = "grosmc"
+"""
+    experiment = read(tmp_path, text)
+    notes = notes_on(experiment, list(experiment.runs()))
+    assert any("is not told: by its equations, arm: joint 'joint' has damping" in n for n in notes)
+
+
 def test_a_disturbance_that_begins_after_the_run_is_told(tmp_path: Path) -> None:
     pulse = """
 [[disturbance]]
