@@ -53,7 +53,7 @@ def case_text(fit: Fit, log: str, path: Path, loop: Experiment | None = None) ->
     settings = experiment.settings
     content["title"] = f"{experiment.title}, as identified from {log}"
     if loop is not None:
-        content = with_closed_loop(content, loop)
+        content = with_closed_loop(content, experiment, loop)
         kept = {name: table for name, table in kept.items() if not is_of_loop(table["number"])}
         settings = loop.settings
         content["title"] = f"{loop.title}, on the machine identified from {log}"
@@ -84,8 +84,9 @@ def _plant_table(fit: Fit, declared: Mapping[str, Any], path: Path) -> dict[str,
         plant["model"] = os.path.relpath(model, path.parent)
 
     # Equations have no friction: only the plants that can have the numbers are compared.
-    names = [name for name in experiment.plant_names if _can_have(fit, name)]
-    if 0 < len(names) < len(experiment.plant_names):
+    declared_names = declared.get("compare") or experiment.nominal.names
+    names = [name for name in declared_names if _can_have(fit, name)]
+    if 0 < len(names) < len(declared_names):
         plant["compare"] = names
     return plant
 
