@@ -156,7 +156,8 @@ class ContestStudy(Study[ContestLaw]):
             experiment: Experiment with the law as its only controller.
 
         Returns:
-            The share; None if no disturbance is searched, or there can be no run.
+            The share; None if no disturbance is searched, nothing is asked under one, or there can be
+            no run.
         """
         if not self.on:
             return None
@@ -164,6 +165,8 @@ class ContestStudy(Study[ContestLaw]):
             asked = with_requirements_of(experiment, self.case, law)
             disturbance = bounded_disturbance(asked, self.on, self.bound)
             study = DisturbanceStudy(disturbance, pieces=PIECES)
+            if not study.limits(law.name):
+                return None
             return study.searched(law.name, PIECES).share
         except SetupError:
             raise

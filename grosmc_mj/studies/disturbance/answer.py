@@ -57,10 +57,7 @@ def words_of(study: DisturbanceStudy, worst: WorstDisturbance) -> str:
         return f"{worst.law}: {calm}"
     if worst.ends:
         return f"{worst.law}: {calm}the run ends early; {counted(worst.runs, 'run')}"
-    beside = f"{study.disturbance.compared} 0"
-    if worst.compared_share > 0:
-        ratio = worst.share / worst.compared_share
-        beside = f"{ratio:.2g} times {study.disturbance.compared}"
+    beside = _beside(study, worst)
     switches = counted(worst.switches, "switch", "switches")
     line = (
         f"{worst.law}: {calm}{worst.share:.3g} of {worst.words}, {beside}; {switches}; "
@@ -72,6 +69,26 @@ def words_of(study: DisturbanceStudy, worst: WorstDisturbance) -> str:
     if worst.largest_kept is not None:
         line += f"; all is kept {_largest_words(worst, study.disturbance.unit)}"
     return line
+
+
+def _beside(study: DisturbanceStudy, worst: WorstDisturbance) -> str:
+    """The share under the disturbance that it is compared with, and of a formula the margin."""
+    compared = study.disturbance.compared
+    formulas = [
+        limit
+        for limit in study.limits(worst.law)
+        if limit.name == worst.tightest and limit.quantity == "formula"
+    ]
+    if formulas:
+        # The share of a formula is about 1 whatever happens, so that a ratio tells nothing.
+        margin = (1 - worst.share) * formulas[0].number
+        kept = "kept" if worst.kept else "missed"
+        unit = unit_after(formulas[0].unit)
+        return f"{kept} by {abs(margin):.3g}{unit}; {compared} {worst.compared_share:.3g}"
+    if worst.compared_share <= 0:
+        return f"{compared} 0"
+    ratio = f"{worst.share / worst.compared_share:.2g}"
+    return f"as much as {compared}" if ratio == "1" else f"{ratio} times {compared}"
 
 
 def _calm_words(worst: WorstDisturbance) -> str:

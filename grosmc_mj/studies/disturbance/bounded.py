@@ -29,6 +29,8 @@ from grosmc_mj.theory.plants import System
 # Values in a piece of a signal with a bounded rate.
 _LEVELS = 20
 _AXES = "xyz"
+# Rounding of an instant k h.
+_LATER = 1 + 1e-12
 # A value that moves nothing, and with which a table acts.
 _NEARLY_NOTHING = float(np.finfo(float).tiny)
 
@@ -46,6 +48,7 @@ class BoundedDisturbance:
         starts: Bound of the deviation of each state at the start, by index.
         replaced: The case's own disturbance at this place; None if there is none.
         replaced_index: Its place among the case's disturbances; -1 if there is none.
+        end: Instant after which it does not act [s]; infinite for the end of the run.
     """
 
     experiment: Experiment
@@ -56,6 +59,7 @@ class BoundedDisturbance:
     starts: Mapping[int, float] = field(default_factory=dict)
     replaced: AnyDisturbance | None = None
     replaced_index: int = -1
+    end: float = math.inf
 
     @property
     def place(self) -> str:
@@ -72,9 +76,14 @@ class BoundedDisturbance:
         """Number of values of a piece."""
         return 1 if math.isinf(self.slew) else _LEVELS
 
+    @property
+    def acting_time(self) -> float:
+        """Time from the start for which it may act [s]."""
+        return min(self.end, self.experiment.duration)
+
     def hold(self, pieces: int) -> float:
-        """Time for which a value is held: whole timesteps, so that all pieces fill a run [s]."""
-        seconds = self.experiment.duration / pieces / self.levels
+        """Time for which a value is held: whole timesteps, so that all pieces fill its time [s]."""
+        seconds = self.acting_time / pieces / self.levels
         return math.ceil(seconds / self.timestep - 1e-9) * self.timestep
 
     def profile(self, pieces: Array) -> Table:
@@ -83,6 +92,9 @@ class BoundedDisturbance:
         With a bounded rate a piece is the slope, and the signal stays within its bound.
         """
         hold = self.hold(len(pieces))
+        if math.isfinite(self.end):
+            # Whole timesteps are longer than the pieces: the last ones begin after the end.
+            pieces = pieces[: math.floor(self.end / hold * _LATER)]
         if math.isinf(self.slew):
             return Table(tuple(pieces.tolist()), hold)
 
@@ -146,10 +158,11 @@ class BoundedDisturbance:
         Like the one that is searched it counts as acting from the start, so that both are asked
         the same: else the transient ends at the onset of a pulse, and begins anew there.
         """
+        steps = math.floor(self.acting_time / self.timestep * _LATER)
         if self.replaced is None:
-            return self.case_with(Constant())
+            ends = math.isfinite(self.end)
+            return self.case_with(Table((1.0,), steps * self.timestep) if ends else Constant())
         profile = self.replaced.profile
-        steps = round(self.experiment.duration / self.timestep)
         values = [float(profile(step * self.timestep)) for step in range(steps)]
         values[0] = values[0] or _NEARLY_NOTHING
         return self.case_with(Table(tuple(values), self.timestep))

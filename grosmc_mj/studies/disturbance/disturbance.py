@@ -14,8 +14,10 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements import KINDS
 from grosmc_mj.experiments.requirements.judging import of_laws
+from grosmc_mj.experiments.requirements.recovers_within import RecoversWithin
 from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.experiments.requirements.signals import signals_of
+from grosmc_mj.experiments.requirements.transient import SettlesWithin
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError
@@ -41,6 +43,9 @@ _MOST = 1000.0
 _LEAST = 1e-6
 # Stands for all requirements but the input's, as the help prints it.
 _ANY = "any"
+# Key of the requirement on recoveries, and the required times that are left for one.
+_RECOVERS = RecoversWithin.key
+_RECOVERIES = 2
 # The smallest share that is not kept.
 _BEYOND = float(np.nextafter(1.0, 2.0))
 
@@ -91,28 +96,42 @@ class DisturbanceStudy(Study[WorstDisturbance]):
 
     def _why_not_asked(self, limit: Requirement, law: str) -> str:
         """Return the reason why a requirement of a law is not searched; empty if it is."""
-        if limit.of_onsets:
-            return "of a disturbance that begins and ends, and this one may act at any time"
+        if self.requirement and limit.key != self.requirement:
+            return "another one is named"
+        if isinstance(limit, SettlesWithin):
+            return (
+                "this disturbance may act after any settling: require recovers_within, and search "
+                f"it with --requirement {_RECOVERS}"
+            )
         if self.requirement:
-            return "" if limit.key == self.requirement else "another one is named"
+            return ""
+        if limit.of_onsets:
+            return (
+                "it is of a disturbance that ends, and this one may act at any time: search it "
+                f"alone, with --requirement {limit.key}"
+            )
 
         error = self.experiment.law(self.plant, law).design
         inputs = {signal.name for signal in self.experiment.nominal.system.inputs}
         of_inputs = error is not None and inputs.issuperset(limit.watched(error.error))
-        return "of the input alone" if limit.of_actuators or of_inputs else ""
+        return "it is of the input alone" if limit.of_actuators or of_inputs else ""
+
+    def _reasons(self, laws: Sequence[str]) -> list[str]:
+        """Return each requirement of laws that is not searched, with the reason."""
+        reasons: dict[str, None] = {}
+        for law in laws:
+            for limit in of_laws(self.experiment.limits, {law}):
+                reason = self._why_not_asked(limit, law)
+                if reason:
+                    reasons[f"{limit.words}: {reason}"] = None
+        return list(reasons)
 
     @property
     def not_asked(self) -> list[str]:
         """A line for each requirement that is not searched, unless one is named."""
         if self.requirement:
             return []
-        lines: dict[str, None] = {}
-        for law in self.experiment.controllers:
-            for limit in of_laws(self.experiment.limits, {law}):
-                reason = self._why_not_asked(limit, law)
-                if reason:
-                    lines[f"not asked: {limit.words}: it is {reason}"] = None
-        return list(lines)
+        return [f"not asked: {reason}" for reason in self._reasons(self.experiment.controllers)]
 
     def with_required_laws(self, named: Sequence[str]) -> DisturbanceStudy:
         """Return the study of the named laws, or else of those of which something is required.
@@ -123,12 +142,41 @@ class DisturbanceStudy(Study[WorstDisturbance]):
         required = [law for law in self.experiment.controllers if self.limits(law)]
         for law in named or required[:1] or self.experiment.controllers[:1]:
             if law not in required:
-                words = "nothing that may be searched is required"
-                if self.requirement:
-                    words = f"{self.requirement} is not required"
-                raise ArgumentError(f"{self.experiment.path}: {words} of {law}")
+                raise ArgumentError(f"{self.experiment.path}: {self._why_nothing_of(law)}")
         experiment = self.experiment.changed(laws=named or required)
-        return replace(self, disturbance=replace(self.disturbance, experiment=experiment))
+        study = replace(self, disturbance=replace(self.disturbance, experiment=experiment))
+        return study.ending() if self.requirement == _RECOVERS else study
+
+    def _why_nothing_of(self, law: str) -> str:
+        """Return why there is nothing to search for a law."""
+        limits = of_laws(self.experiment.limits, {law})
+        if self.requirement and self.requirement not in [limit.key for limit in limits]:
+            return f"{self.requirement} is not required of {law}"
+        words = f"nothing that may be searched is required of {law}"
+        return "; ".join([words, *self._reasons([law])])
+
+    def ending(self) -> DisturbanceStudy:
+        """Return the study of a disturbance that ends, so that the loop can recover from it.
+
+        It ends twice the longest required time before the run does: a recovery that takes longer
+        than required is told up to that.
+
+        Raises:
+            ArgumentError: If the runs are too short, or the disturbance has a bounded rate.
+        """
+        limits = [limit for law in self.experiment.controllers for limit in self.limits(law)]
+        needed = _RECOVERIES * max(limit.number for limit in limits)
+        end = self.experiment.duration - needed
+        if end < self.disturbance.timestep:
+            raise ArgumentError(
+                f"--requirement {_RECOVERS}: the disturbance ends {needed:g} s before the run "
+                f"does, and a run has {self.experiment.duration:g} s: make run.duration longer"
+            )
+        if math.isfinite(self.disturbance.slew):
+            raise ArgumentError(
+                f"--requirement {_RECOVERS}: the disturbance ends at once: leave out --slew"
+            )
+        return replace(self, disturbance=replace(self.disturbance, end=end))
 
     def configuration(self) -> dict[str, Any]:
         """Return all that its answers depend on besides the case."""
@@ -139,6 +187,7 @@ class DisturbanceStudy(Study[WorstDisturbance]):
             "amplitudes": list(disturbance.unit_disturbance.amplitudes),
             "bound": {"value": disturbance.bound, "unit": disturbance.unit},
             "slew": finite(disturbance.slew),
+            "end": finite(disturbance.end),
             "starts": {str(index): bound for index, bound in disturbance.starts.items()},
             "requirement": self.requirement,
             "pieces": self.pieces,

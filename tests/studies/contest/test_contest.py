@@ -194,6 +194,8 @@ def test_six_of_six_plants_are_half_of_all_at_least(tmp_path: Path):
 def test_the_worst_disturbance_is_searched_with_both_kinds_of_numbers(tmp_path: Path):
     """A stiffer PD gives way less."""
     path = write_contest(tmp_path)
+    held = '\n[[requirement]]\nstays_within = "0.1 m"\nafter = "5 s"\n'
+    path.write_text(path.read_text(encoding="utf-8") + held, encoding="utf-8")
     study = contest_study(str(path), ["critical"], runs=40, on="force", bound="0.05 N")
     (row,) = contested(study, tmp_path / "pieces")
     in_file, tuned = row.entries

@@ -48,8 +48,8 @@ class DisturbanceCommand(FilmedStudyCommand["DisturbanceStudy", "WorstDisturbanc
         start: States by whose bounds the start may deviate, such as "rotor angle=0.1 rad".
         laws: Laws to study, controllers or [laws] of the file.
         requirement: Key of the requirement to be missed, such as stays_within; by default any but
-            the input's.
-        pieces: Number of pieces to begin with.
+            settling, recovery and the input's. With recovers_within the disturbance ends in time.
+        pieces: Number of pieces to begin with, from 2 to 640.
         largest: Search the largest bound, too, up to which all is kept, from --bound up and down;
             both ends of its range are told, 5 % from each other.
         film: A law to film under its worst disturbance, beside the compared one.
