@@ -156,8 +156,8 @@ class ContestStudy(Study[ContestLaw]):
             experiment: Experiment with the law as its only controller.
 
         Returns:
-            The share; None if no disturbance is searched, nothing is asked under one, or there can be
-            no run.
+            The share; None if no disturbance is searched, nothing is asked under one, or there can
+            be no run.
         """
         if not self.on:
             return None
