@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,8 @@ CASES = "SYSTEM|SYSTEM/CASE"
 # The case of a system that a film or a window shows.
 _SHOWN_CASE = "case1"
 _FILE = ".toml"
+# A figure of the chapter, as a reader may name it: fig3, "Fig. 3", fig3_pendulum_variation.
+_FIGURE = re.compile(r"fig(?:ure)?[. ]*(\d+)", re.IGNORECASE)
 
 
 def require_target(target: str) -> None:
@@ -55,7 +58,7 @@ def recorded_experiments(target: str) -> list[Experiment]:
         target: Argument of the command line.
 
     Raises:
-        ArgumentError: If there is no such case, it is on a machine, or a file.
+        ArgumentError: If there is no such case, it is on a machine, a file, or a figure.
         ModelError: If there is no such system.
     """
     from grosmc_mj.experiments.catalogue import find_experiment, find_experiments
@@ -67,6 +70,7 @@ def recorded_experiments(target: str) -> list[Experiment]:
             "SYSTEM/CASE, such as arm/case1; what a file requires is judged by grosmc-mj run"
         )
 
+    _refuse_figure(target)
     system, _, name = target.partition("/")
     if not name:
         experiments = find_experiments(find_system(system).name)
@@ -79,6 +83,23 @@ def recorded_experiments(target: str) -> list[Experiment]:
             "grosmc-mj study ladder says where it breaks"
         )
     return [experiment]
+
+
+def _refuse_figure(target: str) -> None:
+    """Refuse the name of a figure: say which case it is of."""
+    number = _FIGURE.match(target)
+    if number is None:
+        return
+
+    from grosmc_mj.chapter.figures import PICTURES
+
+    for picture in PICTURES:
+        if picture.name.startswith(f"fig{int(number[1])}_"):
+            case = f"{picture.system}/{picture.case}"
+            raise ArgumentError(
+                f"{target} is a figure, must be SYSTEM or SYSTEM/CASE: "
+                f"grosmc-mj validate {case} writes {picture.name}.png"
+            )
 
 
 def shown_experiment(target: str) -> Experiment:

@@ -28,6 +28,7 @@ REFUSALS = [
     ("validate arm/case9", "valid: nominal, case1, case2, tuned, bench"),
     ("validate small.toml", "judged by grosmc-mj run"),
     ("validate servo/machine", "no results of a machine are recorded"),
+    ("validate fig3", "grosmc-mj validate cart_pendulum/case1 writes fig3_pendulum_variation.png"),
     ("run servo --no-figure", "unknown option --no-figure: did you mean --no-figures?; for help"),
     (
         "run servo --save npz",
