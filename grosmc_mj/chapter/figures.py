@@ -20,7 +20,7 @@ from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.run_cache import RunCache
 from grosmc_mj.output.charts.chart import Chart, ChartAxis, Curve, Layer, Marks, Panel
 from grosmc_mj.output.charts.figure import write_chart
-from grosmc_mj.output.palette import OPTIMUM, PLANTS, REFERENCE, Stroke, law_styles
+from grosmc_mj.output.palette import OPTIMUM, PLANTS, REFERENCE, Stroke, law_colours
 
 _SIZE = (7.2, 6.4)
 _TIP = "tip path"
@@ -134,9 +134,9 @@ def case_panel(results: Sequence[RunResult], quantity: str) -> Panel:
     if quantity == _TIP:
         return _tip_panel(results)
 
-    styles = law_styles(result.controller.name for result in results)
+    colours = law_colours(result.controller.name for result in results)
     shown = panel_of(results, quantity)
-    panel = quantity_panel(shown, styles, results)
+    panel = quantity_panel(shown, colours, results)
     y_axis = panel.y
     largest = max(float(np.nanmax(np.abs(curve.values))) for curve in shown.curves)
     if quantity == "deviation" and largest > _FAR:
@@ -153,14 +153,14 @@ def over_time(panel: Panel) -> Panel:
 
 def _tip_panel(results: Sequence[RunResult]) -> Panel:
     """Return the true path of the tip under each law in MuJoCo, and the reference."""
-    styles = law_styles(result.controller.name for result in results)
+    colours = law_colours(result.controller.name for result in results)
     layers: list[Layer] = []
     for result in results:
         if result.plant == "physics":
-            style = styles[result.controller.name]
+            law = result.controller.name
             x, z = true_tip(result).T
-            label = f"{style.label}, {PLANTS[result.plant]}"
-            layers.append(Curve(x, z, Stroke(style.colour, 1.5), name=label))
+            label = f"{law}, {PLANTS[result.plant]}"
+            layers.append(Curve(x, z, Stroke(colours[law], 1.5), name=label))
             layers.append(Marks(x[:1], z[:1], OPTIMUM, size=4.0))
 
     x, z = results[0].comparison.reference.T

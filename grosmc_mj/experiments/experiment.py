@@ -60,7 +60,7 @@ from grosmc_mj.ground.errors import (
 )
 from grosmc_mj.ground.fields import Is
 from grosmc_mj.ground.units import in_units, number_in
-from grosmc_mj.ground.wording import unit_after
+from grosmc_mj.ground.wording import spelled, unit_after
 from grosmc_mj.mechanics.machine import MachinePart
 from grosmc_mj.mechanics.machine.motor import Motor
 from grosmc_mj.mechanics.physics.edit import Edit
@@ -875,7 +875,7 @@ class RunResult(MeasuredRun):
         if self.ended:
             end += f": {self.ended}"
         metrics = [
-            f"{name.replace('_', ' ')} {_with_unit(self.metrics[name])}"
+            f"{spelled(name)} {_with_unit(self.metrics[name])}"
             for name in ("deviation", "settling_time", "max_input")
         ]
         continuous, switched = self.cost_shares

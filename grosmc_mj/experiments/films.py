@@ -22,7 +22,7 @@ from grosmc_mj.output.films.frames import Storyboard
 from grosmc_mj.output.films.frames import __file__ as drawing_code
 from grosmc_mj.output.films.storyboard import storyboard
 from grosmc_mj.output.films.write import WrittenFilm, write_film
-from grosmc_mj.output.palette import law_styles
+from grosmc_mj.output.palette import law_colours
 from grosmc_mj.output.results.document import origin, write_json
 from grosmc_mj.simulation.trajectory import Status
 from grosmc_mj.theory.control.coordinates.state import StateCoordinates
@@ -69,12 +69,12 @@ def film_of(
 
     moving = _reference_moves(results)
     names = names or [result.controller.name for result in results]
-    styles = law_styles(names)
+    colours = law_colours(names)
     takes = []
     for result, name in zip(results, names, strict=True):
         take = Take(
-            label=styles[name].label,
-            colour=styles[name].colour,
+            label=name,
+            colour=colours[name],
             run=result.trajectory,
             ghost=_ghost(result, moving=moving),
             sliding_unit=result.controller.designed.sliding_unit,

@@ -41,6 +41,11 @@ def counted_of(part: int, whole: int, one: str, singular: str = "", several: str
     return f"{words} {verb}"
 
 
+def spelled(name: str) -> str:
+    """Return a key of a file or the name of a requirement in words: ``final error below``."""
+    return name.replace("_", " ")
+
+
 def unit_after(unit: str) -> str:
     """Return what follows a written number: a blank and the unit, or nothing of a pure number."""
     return "" if unit in _PURE else f" {unit}"

@@ -15,7 +15,7 @@ from grosmc_mj.experiments.logs.log import Log
 from grosmc_mj.experiments.measured import MeasuredResult, partly_known, run_of_log
 from grosmc_mj.ground.arrays import Array, as_rows
 from grosmc_mj.ground.errors import ArgumentError
-from grosmc_mj.ground.wording import unit_after
+from grosmc_mj.ground.wording import spelled, unit_after
 from grosmc_mj.identify.law_on_log import LawOnLog, law_on_log
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.replay import Predictor
@@ -375,7 +375,7 @@ def _quantities(experiment: Experiment, log: Log, law: str) -> Mapping[str, Pred
         requirement = judgement.requirement
         name = requirement.words
         label = requirement.key.removesuffix("_within").removesuffix("_below")
-        label = f"{requirement.signal} {label}".strip().replace("_", " ")
+        label = spelled(f"{requirement.signal} {label}".strip())
         number = math.inf
         if judgement.measured is not None:
             number = judgement.measured
@@ -386,7 +386,7 @@ def _quantities(experiment: Experiment, log: Log, law: str) -> Mapping[str, Pred
     for key in _REPORTED:
         metric = run.metrics[key]
         if metric.value is not None:
-            name = key.replace("_", " ")
+            name = spelled(key)
             quantities[name] = PredictedQuantity(name, name, metric.unit, False, metric.value)
     return quantities
 

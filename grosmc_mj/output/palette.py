@@ -1,5 +1,7 @@
 """Colours and line styles of figures and films.
 
+A law has the same name everywhere: the one that it has in its file, and that people type.
+
 The colours are those of Okabe and Ito, then those of Tol: colour-blind readers can tell them apart.
 """
 
@@ -54,30 +56,20 @@ COLOURS = {
     "cart-ism": SKY,
     "cart-pfl": "#882255",
 }
-# Names of laws for people.
-LABELS = {
-    "lqr": "LQR",
-    "fl-lqr": "FL + LQR",
-    "grosmc": "GROSMC",
-    "grosmc-implicit": "GROSMC, implicit, discrete surface",
-    "implicit": "GROSMC, implicit",
-    "sign": "GROSMC, sign",
-    "boundary-layer": "GROSMC, boundary layer",
-    "implicit-estimate": "GROSMC, implicit with estimate",
-    "super-twisting": "GROSMC, super-twisting",
-    "grosmc adaptive": "GROSMC, adaptive gain",
-    "regulating-grosmc": "regulating GROSMC",
-    # The rival, or where there is none GROSMC's own adaptive gain.
-    "adaptive": "adaptive",
-    "pd": "PD",
-    "lqi": "LQI",
-    "pid": "PID",
-    "fl-pid": "FL + PID",
-    "adrc": "ADRC",
-    "cart-lqr": "4-state LQR",
-    "cart-ism": "4-state ISM",
-    "cart-pfl": "partial FL",
-}
+# Laws with the chapter's integral surface, however they switch.
+GROSMC_LAWS = frozenset(
+    {
+        "grosmc",
+        "grosmc-implicit",
+        "implicit",
+        "sign",
+        "boundary-layer",
+        "implicit-estimate",
+        "super-twisting",
+        "grosmc adaptive",
+        "regulating-grosmc",
+    }
+)
 # Colours of all other laws, in turn.
 OTHERS = ("#332288", "#44AA99", "#AA4499", "#DDCC77")
 
@@ -122,48 +114,20 @@ GRID = "#dddddd"
 REFERENCE = Stroke(INK, 1.0, "dot")
 
 
-def label_of(controller: str) -> str:
-    """Return a law's name for people, such as ``GROSMC, implicit`` for ``implicit``.
-
-    Two laws have two names: one of a user's that is called as a law of the package is for people
-    stands in quotation marks.
-    """
-    name, comma, variant = controller.partition(", ")
-    if name in LABELS:
-        return f"{LABELS[name]}{comma}{variant}"
-
-    for label in LABELS.values():
-        if controller == label or controller.startswith(f"{label}, "):
-            return f'"{controller}"'
-    return controller
-
-
 def colour_of(controller: str, others: int = 0) -> str:
     """Return the colour of a law; one without a colour takes number ``others`` of ``OTHERS``."""
     return COLOURS.get(controller, OTHERS[others % len(OTHERS)])
 
 
-class LawStyle(NamedTuple):
-    """Name and colour of a law in figures.
-
-    Attributes:
-        label: Name for people.
-        colour: Colour as #RRGGBB.
-    """
-
-    label: str
-    colour: str
-
-
-def law_styles(laws: Iterable[str]) -> dict[str, LawStyle]:
-    """Return a style for each law; laws without a colour take those of ``OTHERS`` in turn."""
-    styles: dict[str, LawStyle] = {}
+def law_colours(laws: Iterable[str]) -> dict[str, str]:
+    """Return the colour of each law; laws without a colour take those of ``OTHERS`` in turn."""
+    colours: dict[str, str] = {}
     without_colour = 0
     for law in dict.fromkeys(laws):
-        styles[law] = LawStyle(label_of(law), colour_of(law, without_colour))
+        colours[law] = colour_of(law, without_colour)
         if law not in COLOURS:
             without_colour += 1
-    return styles
+    return colours
 
 
 def red_green_blue(colour: str) -> tuple[float, float, float]:

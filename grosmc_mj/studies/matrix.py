@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from grosmc_mj.ground.wording import spelled
 from grosmc_mj.output.charts.chart import in_lines
 from grosmc_mj.output.charts.of_results import cells_chart
 from grosmc_mj.output.results.result import CellChart
@@ -147,7 +148,7 @@ def write_charts(
 
 def _short_name(requirement: str) -> str:
     """Return the name of a requirement for a cell: settles, final error, input; in short lines."""
-    name = requirement.replace("_", " ").removeprefix("the ")
+    name = spelled(requirement).removeprefix("the ")
     for ending in _ENDINGS:
         name = name.removesuffix(ending)
     return in_lines(name, _LETTERS)

@@ -40,10 +40,8 @@ from grosmc_mj.output.palette import (
     PLANT_LINES,
     PLANTS,
     REFERENCE,
-    LawStyle,
     Stroke,
-    label_of,
-    law_styles,
+    law_colours,
 )
 from grosmc_mj.output.results.document import origin, write_json
 from grosmc_mj.output.results.tables import prefixed
@@ -441,10 +439,10 @@ def experiment_chart(results: Sequence[RunResult]) -> Chart:
         columns = 2
         width = 1.5 * _WIDTH
 
-    styles = law_styles(result.controller.name for result in results)
+    colours = law_colours(result.controller.name for result in results)
     panels = []
     for index, quantity in enumerate(quantities):
-        panel = _judged_panel(quantity, styles, results)
+        panel = _judged_panel(quantity, colours, results)
         if index == 0:
             failed = failures_without_panel(quantities, results)
             panel = replace(panel, remark=f"{_named(failed)}\n{panel.remark}".strip())
@@ -459,7 +457,7 @@ def experiment_chart(results: Sequence[RunResult]) -> Chart:
 
 def quantity_panel(
     quantity: ShownQuantity,
-    styles: dict[str, LawStyle],
+    colours: dict[str, str],
     results: Sequence[RunResult],
 ) -> Panel:
     """Return disturbances, backlash, curves and reference of a quantity."""
@@ -471,7 +469,7 @@ def quantity_panel(
         )
     several_plants = len({curve.run.plant for curve in quantity.curves}) > 1
     for curve in quantity.curves:
-        layers += _curve_layers(curve, styles, several_plants=several_plants)
+        layers += _curve_layers(curve, colours, several_plants=several_plants)
     if quantity.reference is not None:
         time = results[0].comparison.time
         layers.append(Curve(time, quantity.reference, REFERENCE, name="reference"))
@@ -485,11 +483,11 @@ def quantity_panel(
 
 def _judged_panel(
     quantity: ShownQuantity,
-    styles: dict[str, LawStyle],
+    colours: dict[str, str],
     results: Sequence[RunResult],
 ) -> Panel:
     """Return the panel of a quantity with its limits; those that are not kept are named."""
-    panel = quantity_panel(quantity, styles, results)
+    panel = quantity_panel(quantity, colours, results)
     judgements = judged_in(quantity, results)
     failed = [item for item in judgements if not item.kept]
     return replace(
@@ -502,12 +500,12 @@ def _judged_panel(
 
 def _curve_layers(
     curve: RunSignal,
-    styles: dict[str, LawStyle],
+    colours: dict[str, str],
     *,
     several_plants: bool,
 ) -> list[Layer]:
     """Return a run's curve; if it jumps at every sample, its range and its mean."""
-    stroke, label = _line_of(curve, styles, several_plants=several_plants)
+    stroke, label = _line_of(curve, colours, several_plants=several_plants)
     layers = signal_layers(curve.time, curve.values, stroke, label)
     if not curve.name and curve.run.status is not Status.COMPLETED and len(curve.time):
         layers.append(
@@ -518,7 +516,7 @@ def _curve_layers(
 
 def _line_of(
     curve: RunSignal,
-    styles: dict[str, LawStyle],
+    colours: dict[str, str],
     *,
     several_plants: bool,
 ) -> tuple[Stroke, str]:
@@ -527,12 +525,12 @@ def _line_of(
     if curve.name == "true":
         return _TRUE, "true"
     if curve.name == "seen":
-        return _SEEN, f"seen by {label_of(law)}"
+        return _SEEN, f"seen by {law}"
     # The name of a log may stand behind that of its plant.
     kind, _, log = curve.run.plant.partition(" ")
     stroke = PLANT_LINES[kind] if several_plants else _ALONE
-    label = f"{styles[law].label}, {PLANTS[kind]} {log}".rstrip()
-    return stroke._replace(colour=styles[law].colour), label
+    label = f"{law}, {PLANTS[kind]} {log}".rstrip()
+    return stroke._replace(colour=colours[law]), label
 
 
 def _limit_layers(quantity: ShownQuantity, judgements: Sequence[Judgement]) -> list[Layer]:
@@ -615,7 +613,7 @@ def curves_document(results: Sequence[RunResult]) -> dict[str, Any]:
     side. Every other number is one of the run's, to seven digits.
     """
     case = results[0].case
-    styles = law_styles(result.controller.name for result in results)
+    colours = law_colours(result.controller.name for result in results)
     disturbances = [
         {
             "start": disturbance.window[0],
@@ -624,7 +622,7 @@ def curves_document(results: Sequence[RunResult]) -> dict[str, Any]:
         }
         for disturbance in case.disturbances
     ]
-    laws = {name: {"label": style.label, "colour": style.colour} for name, style in styles.items()}
+    laws = {name: {"label": name, "colour": colour} for name, colour in colours.items()}
     return {
         "kind": "curves",
         **origin(seed_of(case)),

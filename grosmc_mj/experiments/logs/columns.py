@@ -16,6 +16,7 @@ from grosmc_mj.experiments.logs.numbers import are_instants, steps_from_first
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, value_text
+from grosmc_mj.ground.wording import spelled
 
 # Brackets around the unit at the end of a header.
 _BRACKETS = {"]": "[", ")": "("}
@@ -63,7 +64,7 @@ class LogColumn:
     @property
     def plain_name(self) -> str:
         """Its name in small letters, with blanks between the words."""
-        return self.name.replace("_", " ").lower()
+        return spelled(self.name).lower()
 
     @property
     def are_instants(self) -> bool:

@@ -13,6 +13,7 @@ from grosmc_mj.experiments.requirements.measurement import Windows
 from grosmc_mj.experiments.requirements.metrics import DWELL, MeasuredSignal, Metric
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, name_list
+from grosmc_mj.ground.wording import spelled
 from grosmc_mj.theory.control.controller import Controller
 
 # Sampling periods of a run at least: an error settles only if it stays for this share of a run.
@@ -251,7 +252,7 @@ class Requirement:
     @property
     def title(self) -> str:
         """The kind in words, behind the state or output that it is about."""
-        return f"{self.signal} {self.key.replace('_', ' ')}".lstrip()
+        return f"{self.signal} {spelled(self.key)}".lstrip()
 
     @property
     def words(self) -> str:

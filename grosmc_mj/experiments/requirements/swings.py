@@ -24,6 +24,7 @@ from grosmc_mj.experiments.requirements.signals import ERROR
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.compilation.compiler import compile_python
 from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.ground.wording import spelled
 
 # Margin, in parts of the number, of a run without the event: searches compare finite numbers.
 _NEVER = -1e3
@@ -126,7 +127,7 @@ class EventRequirement(Requirement):
         before = "" if self.measures == "reached" else " before"
         turn = " modulo a turn" if self.periodic else ""
         signal = self.signal or "error"
-        return f"{self.measures.replace('_', ' ')}{before} {signal} in {self.band!r}{turn}"
+        return f"{spelled(self.measures)}{before} {signal} in {self.band!r}{turn}"
 
     def of_record(self, run: RecordedRun) -> float:
         """Return the limited value; infinite where the error is not in the band for good.

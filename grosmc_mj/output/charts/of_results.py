@@ -37,7 +37,6 @@ from grosmc_mj.output.palette import (
     SKY,
     VERMILION,
     Stroke,
-    label_of,
 )
 from grosmc_mj.output.results.result import CellChart, GridChart, LineChart, ResultChart, Series
 
@@ -185,7 +184,7 @@ def _lines_panel(chart: LineChart, styles: Mapping[str, _SeriesStyle]) -> Panel:
     for series in chart.lines:
         if series.bound:
             y = [math.nan if value is None else value for value in series.y]
-            layers.append(Curve(series.x, y, _BOUND, name=label_of(series.name)))
+            layers.append(Curve(series.x, y, _BOUND, name=series.name))
         else:
             layers += _series_layers(series, styles[series.name], x_axis)
     for x, y in chart.points:
@@ -250,7 +249,7 @@ def _series_layers(series: Series, style: _SeriesStyle, x_axis: ChartAxis) -> li
             symbol=style.symbol,
             hollow=failed if series.good or not joined else None,
             texts=series.texts,
-            name=label_of(series.name),
+            name=series.name,
         )
     ]
 

@@ -23,7 +23,7 @@ from grosmc_mj.output.charts.chart import (
 )
 from grosmc_mj.output.page.reading import CurvePanel, Curves, RecordedCurve
 from grosmc_mj.output.page.verdicts import main_plant
-from grosmc_mj.output.palette import DISTURBANCE, GREY, INK, PLANTS, Dash, Stroke, label_of
+from grosmc_mj.output.palette import DISTURBANCE, GREY, GROSMC_LAWS, INK, PLANTS, Dash, Stroke
 from grosmc_mj.output.results.tables import number
 
 # Curves that are nowhere further apart than this share of their range are one line.
@@ -127,7 +127,7 @@ def _curve_layers(curve: RecordedCurve, colour: str, panel: CurvePanel) -> Itera
         yield Band(curve.t, *curve.range, colour)
 
     plant = PLANTS.get(curve.plant, curve.plant)
-    name = ", ".join(filter(None, (label_of(curve.law), plant, curve.name)))
+    name = ", ".join(filter(None, (curve.law, plant, curve.name)))
     dash: Dash = "solid"
     if curve.plant != main_plant(panel):
         dash = _DASHES.get(curve.plant, "solid")
@@ -179,7 +179,7 @@ def _colours(curves: Curves, drawn: Sequence[_ShownPanel], most: int) -> dict[st
     """Return the colour of each law, grey for those beyond so many."""
     laws = list(dict.fromkeys(curve.law for panel in drawn for curve in panel.curves))
     # GROSMC and its variants come first: they are never among the grey ones.
-    laws.sort(key=lambda law: not label_of(law).startswith("GROSMC"))
+    laws.sort(key=lambda law: law.partition(", ")[0] not in GROSMC_LAWS)
     own_entries = len(laws) if len(laws) <= most else most - 1
     colours = {}
     for index, law in enumerate(laws):
@@ -192,6 +192,6 @@ def _law_entries(colours: dict[str, str]) -> Iterator[LegendEntry]:
     """Yield an entry for each law with a colour, and one for the grey ones."""
     for law, colour in colours.items():
         if colour != _GREY_LAW:
-            yield LegendEntry(label_of(law), colour)
+            yield LegendEntry(law, colour)
     if _GREY_LAW in colours.values():
         yield LegendEntry("other laws", _GREY_LAW)

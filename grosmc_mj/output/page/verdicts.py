@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 from grosmc_mj.ground.wording import quantity_and_unit, unit_after
 from grosmc_mj.output.page.reading import CurvePanel, Curves, Document
-from grosmc_mj.output.palette import label_of
 from grosmc_mj.output.results.result import VERDICTS, Answer, Result, Standing
 from grosmc_mj.output.results.tables import Column, Table, number, phrases, table, verdicts
 
@@ -56,13 +55,13 @@ def systems_table(cases: Cases) -> Table:
         system = _system_of(case)
         systems[system] = None
         for law, verdict in laws.items():
-            on_systems = verdicts_of.setdefault(label_of(law), {})
+            on_systems = verdicts_of.setdefault(law, {})
             on_systems.setdefault(system, []).append(verdict)
 
     rows = []
-    for label, on_systems in verdicts_of.items():
+    for law, on_systems in verdicts_of.items():
         cells = [_system_cell(on_systems.get(system, [])) for system in systems]
-        rows.append([label, *cells])
+        rows.append([law, *cells])
     return table("", [*phrases("law"), *_verdict_columns(systems)], rows)
 
 
@@ -85,7 +84,7 @@ def cases_table(cases: Cases) -> Table:
     rows = []
     for case, laws in cases.items():
         for law, verdict in laws.items():
-            rows.append([case, label_of(law), _verdict_words(verdict)])
+            rows.append([case, law, _verdict_words(verdict)])
     return table("", [*phrases("case", "law"), *_verdict_columns(["requirement"])], rows)
 
 
@@ -97,7 +96,7 @@ def studies_table(results: Iterable[Document]) -> Table:
             for verdict in document.content.standings:
                 study = f"{verdict.case}, {document.kind}"
                 place = f"{_mark(verdict)} {_breaking_words(verdict)}"
-                rows.append([study, label_of(verdict.law), place, verdict.words])
+                rows.append([study, verdict.law, place, verdict.words])
     columns = [*phrases("study", "law"), *_verdict_columns(["breaks at"]), *phrases("number")]
     return table("", columns, rows)
 
@@ -207,7 +206,7 @@ def _sentence(panel: CurvePanel, verdicts_of: Mapping[str, Standing]) -> str:
     broken = [law for law, verdict in verdicts_of.items() if verdict.breaks_at]
     if broken:
         worst = max(broken, key=lambda law: _severity(verdicts_of[law]))
-        words = f"{label_of(worst)} breaks a requirement ({verdicts_of[worst].words})"
+        words = f"{worst} breaks a requirement ({verdicts_of[worst].words})"
         if len(broken) > 1:
             words += f", and so do {len(broken) - 1} more"
         return f"{words}; {_laws_words(kept) or 'no law'} keeps everything."
@@ -220,14 +219,14 @@ def _sentence(panel: CurvePanel, verdicts_of: Mapping[str, Standing]) -> str:
     least = min(sizes, key=sizes.__getitem__)
     most = max(sizes, key=sizes.__getitem__)
     name, unit = quantity_and_unit(panel.label)
-    words += f"largest {name}: {number(sizes[least])}{unit_after(unit)} under {label_of(least)}"
+    words += f"largest {name}: {number(sizes[least])}{unit_after(unit)} under {least}"
     if most != least:
-        words += f", {number(sizes[most])}{unit_after(unit)} under {label_of(most)}"
+        words += f", {number(sizes[most])}{unit_after(unit)} under {most}"
     return f"{words[0].upper()}{words[1:]}."
 
 
 def _laws_words(laws: Sequence[str]) -> str:
     """Name a single law; of several, write how many they are."""
     if len(laws) == 1:
-        return label_of(laws[0])
+        return laws[0]
     return f"each of {len(laws)} laws" if laws else ""

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, computed_field
 
+from grosmc_mj.ground.wording import spelled
 from grosmc_mj.output.results.result import Standing, Value, finite
 from grosmc_mj.output.results.tables import number
 
@@ -216,7 +217,7 @@ def described(row: Verdict, more: str = "") -> Verdict:
         excess = "never"
     elif share == "1":
         excess = "at its limit"
-    words = f"{row.tightest.replace('_', ' ')}: {excess}{draws}"
+    words = f"{spelled(row.tightest)}: {excess}{draws}"
     if more:
         words += f" ({more})"
     return row.changed(text=text, words=words)

@@ -13,6 +13,7 @@ import numpy as np
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, Mistakes, unknown_name
 from grosmc_mj.ground.fields import Items, Range, checked, range_of
+from grosmc_mj.ground.wording import spelled
 from grosmc_mj.simulation.loop.actuators import Actuator
 from grosmc_mj.simulation.loop.computer import Computing
 from grosmc_mj.simulation.loop.counter import uniform
@@ -285,7 +286,7 @@ def _words(part: Part, system: System, of: str) -> Iterator[str]:
     if isinstance(part, Estimator):
         words = f"estimated by {part.law}"
         if part.law in TUNED_BY:
-            words += f" with {TUNED_BY[part.law].replace('_', ' ')} {part.number:.4g}"
+            words += f" with {spelled(TUNED_BY[part.law])} {part.number:.4g}"
         if not part.settled:
             words += ", from rest"
         yield words

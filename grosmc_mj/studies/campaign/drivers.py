@@ -11,7 +11,6 @@ import numpy as np
 from scipy import stats
 
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.output.palette import label_of
 from grosmc_mj.output.results.tables import Table, numbers, table, text, words
 from grosmc_mj.studies.sweep.sampled import SampledRuns, p_value_words
 
@@ -190,7 +189,7 @@ def drivers_table(law: str, rows: list[Sensitivity], sampled: SampledRuns) -> Ta
         sampled: The runs that they rest on.
     """
     return table(
-        f"What drives the margin of 'all requirements' under {label_of(law)}",
+        f"What drives the margin of 'all requirements' under {law}",
         [*text("number"), *numbers("share %", "p", "rank correlation"), *words("")],
         [_cells(row) for row in rows],
         styles=["dim" if row.note else "" for row in rows],

@@ -14,7 +14,7 @@ from grosmc_mj.ground.wording import counted
 from grosmc_mj.output.charts.chart import Chart, ChartAxis, Layer, Marks, Panel, Symbol
 from grosmc_mj.output.charts.figure import write_chart
 from grosmc_mj.output.charts.of_results import panels_chart
-from grosmc_mj.output.palette import BLACK, SKY, VERMILION, law_styles
+from grosmc_mj.output.palette import BLACK, SKY, VERMILION
 from grosmc_mj.studies.campaign.campaign import Campaign
 from grosmc_mj.studies.campaign.findings import Findings
 from grosmc_mj.studies.campaign.folder import Folder
@@ -147,7 +147,6 @@ def _title(axis: Quantity) -> str:
 
 def pass_map_chart(shown: PassMap, title: str, footnote: str) -> Chart:
     """Return a panel for each law, with a mark for each plant."""
-    styles = law_styles(shown.runs)
     across, up = shown.titles
     panels = []
     for law, (x, y, margins) in shown.runs.items():
@@ -157,7 +156,7 @@ def pass_map_chart(shown: PassMap, title: str, footnote: str) -> Chart:
                 _plants(x, y, margins),
                 ChartAxis(across),
                 ChartAxis(up if not panels else ""),
-                name=f"{styles[law].label}: {kept} of {len(margins)} kept",
+                name=f"{law}: {kept} of {len(margins)} kept",
             )
         )
     size = (_PANEL[0] * len(panels) + _LEGEND, _PANEL[1] + _TEXTS)

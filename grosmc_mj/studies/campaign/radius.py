@@ -10,7 +10,6 @@ import numpy as np
 
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.wording import counted
-from grosmc_mj.output.palette import label_of
 from grosmc_mj.output.results.result import (
     MEASURED,
     Answer,
@@ -353,7 +352,7 @@ def chart(search: Radius) -> LineChart:
         y=[finite(trial.least) for trial in trials],
         good=[trial.failures == 0 for trial in trials],
     )
-    name = f"{label_of(search.controller)}: no failure found up to {search.found:.3g}"
+    name = f"{search.controller}: no failure found up to {search.found:.3g}"
     return LineChart(
         name=name,
         titles=("scale of the uncertainty (1 as declared)", "least margin over its limit"),

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from grosmc_mj.ground.wording import counted, counted_of, plural
+from grosmc_mj.ground.wording import counted, counted_of, plural, spelled
 from grosmc_mj.output.results.result import (
     KEPT,
     NOT_KEPT,
@@ -233,7 +233,7 @@ def _standing_words(verdicts: Sequence[Verdict]) -> str:
     if not worst.tightest:
         return f"{described(worst).words}{under(worst.condition)}"
     share = "never" if math.isinf(worst.share) else number(worst.share)
-    return f"{share} of {worst.tightest.replace('_', ' ')}{under(worst.condition)}"
+    return f"{share} of {spelled(worst.tightest)}{under(worst.condition)}"
 
 
 def _remarks(study: ContestStudy) -> list[str]:

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.output.palette import label_of
 from grosmc_mj.output.results.result import LineChart, Series
 from grosmc_mj.output.results.tables import number
 from grosmc_mj.studies.margins.frequency_response import LoopGain, Margins, interpolated
@@ -65,7 +64,7 @@ def charts(setup: Setup, rows: Sequence[LawMargins], laws: Sequence[str]) -> lis
     if disks:
         disk, law = min(disks)
         nyquist.append(_disk(disk))
-        beside = f", disk margin {number(disk)} ({label_of(law)})"
+        beside = f", disk margin {number(disk)} ({law})"
     frequency = "f [Hz]"
     unit = setup.case.nominal.system.inputs[0].unit
     return [

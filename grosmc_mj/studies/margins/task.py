@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.ground.wording import spelled
 from grosmc_mj.output.results.verdicts import Verdict, over_draws
 from grosmc_mj.simulation.loop import Loop
 from grosmc_mj.studies.margins.changes import DELAY, GAIN_DOWN, GAIN_UP, ChangeSearch
@@ -91,7 +92,7 @@ def _breaking(verdict: Verdict) -> str:
     """The requirement that is not kept, or how the run ended."""
     if verdict.ended:
         return f"the run ended: {verdict.ended}"
-    return verdict.tightest or verdict.impossible
+    return spelled(verdict.tightest) or verdict.impossible
 
 
 def _in_draws(reason: str, failing: int, draws: int) -> str:

@@ -11,7 +11,6 @@ from grosmc_mj.ground.wording import plural, unit_after
 from grosmc_mj.output.charts.chart import in_lines
 from grosmc_mj.output.charts.figure import write_chart
 from grosmc_mj.output.charts.of_results import panels_chart
-from grosmc_mj.output.palette import label_of
 from grosmc_mj.output.results.result import (
     MEASURED,
     OPEN,
@@ -96,7 +95,7 @@ def charts(region: RegionStudy, maps: Sequence[RegionMap]) -> list[list[GridChar
 
     rows: dict[str, list[GridChart]] = {}
     for law_map in maps:
-        law = f"{label_of(law_map.controller)}, {law_map.case}"
+        law = f"{law_map.controller}, {law_map.case}"
         chart = GridChart(
             name=f"{law}: {law_map.converged:.1f} % converge",
             axes=(across, up),

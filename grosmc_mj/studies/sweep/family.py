@@ -24,6 +24,7 @@ from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, Mistakes, placed
 from grosmc_mj.ground.units import in_units, number_in
+from grosmc_mj.ground.wording import spelled
 from grosmc_mj.studies.sweep.distributions import EDGE, distribution
 from grosmc_mj.studies.sweep.quantities import Quantity
 from grosmc_mj.studies.sweep.runs import MARGIN
@@ -259,7 +260,7 @@ def _refuse_impossible(quantity: Quantity) -> None:
         if not quantity.physical(value):
             end = "least" if value <= quantity.bounds.low else "most"
             raise ArgumentError(
-                f"{field.replace('_', ' ')} = {value:g} can occur, but must be "
+                f"{spelled(field)} = {value:g} can occur, but must be "
                 f"{quantity.bounds.wanted}: cut the distribution off with {end}"
             )
 

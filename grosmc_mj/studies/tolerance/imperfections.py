@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from grosmc_mj.experiments.file.parts import LOOP_PARTS, PART_KINDS, unit_of
 from grosmc_mj.experiments.steps import Member, Steps, with_values
-from grosmc_mj.ground.wording import titled
+from grosmc_mj.ground.wording import spelled, titled
 from grosmc_mj.output.results.tables import number, prefixed
 from grosmc_mj.simulation.loop import Loop, Sensor
 from grosmc_mj.simulation.loop.timing import TIMES, time_as_run
@@ -211,7 +211,7 @@ def imperfections(
     )
     groups: dict[str, list[Amount]] = {}
     for amount in everything:
-        title = f"{amount.kind} {amount.quantity}".replace("_", " ")
+        title = spelled(f"{amount.kind} {amount.quantity}")
         groups.setdefault(title, []).append(amount)
     ideal = replace(estimated, estimators=(), sensors=_with_exact_rates(bench, estimated))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from grosmc_mj.ground.wording import spelled
 from grosmc_mj.output.results.verdicts import Verdict
 from grosmc_mj.studies.tolerance.imperfections import Imperfection
 
@@ -52,7 +53,7 @@ def weakness(row: Verdict) -> float:
 
 def reason(row: Verdict) -> str:
     """Return the requirement that fails, in words."""
-    return row.tightest.replace("_", " ")
+    return spelled(row.tightest)
 
 
 def amount_text(imperfection: Imperfection, factor: float) -> str:

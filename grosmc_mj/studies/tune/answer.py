@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.ground.wording import counted, plural, titled
+from grosmc_mj.ground.wording import counted, plural, spelled, titled
 from grosmc_mj.output.results.result import (
     KEPT,
     NOT_KEPT,
@@ -48,7 +48,7 @@ class Binding(NamedTuple):
     @property
     def words(self) -> str:
         """The requirement with its condition."""
-        return f"{self.requirement.replace('_', ' ')}{under(self.condition)}"
+        return f"{spelled(self.requirement)}{under(self.condition)}"
 
 
 class Conflict(NamedTuple):
@@ -181,7 +181,7 @@ def requirements_table(study: TuneStudy, rows: Sequence[TunedLaw]) -> Table:
         for before, after in zip(row.before, row.after, strict=True):
             for name in after.shares:
                 pair = [_share(before, name), _share(after, name)]
-                words_of = name.replace("_", " ")
+                words_of = spelled(name)
                 lines.append([row.law, before.condition, words_of, *pair])
             kept = [f"{item.kept_draws} of {item.draws}" for item in (before, after)]
             lines.append([row.law, before.condition, "draws that keep all", *kept])
@@ -238,7 +238,7 @@ def _over_search(row: TunedLaw) -> LineChart:
         for (_, requirement), share in shares_of(design).items():
             worst[requirement] = max(worst.get(requirement, 0.0), share)
         for requirement, share in worst.items():
-            x, y = lines.setdefault(requirement.replace("_", " "), ([], []))
+            x, y = lines.setdefault(spelled(requirement), ([], []))
             x.append(float(index + 1))
             y.append(finite(share))
     return LineChart(

@@ -208,7 +208,7 @@ def test_a_seen_rate_is_distinct_from_the_true_one(tmp_path, text, name) -> None
     axes = rates(figure_of(runs))[name]
     true, seen = axes.lines
     assert true.get_label() == "true"
-    assert seen.get_label() == "seen by LQR"
+    assert seen.get_label() == "seen by lqr"
     assert to_hex(true.get_color()) != to_hex(seen.get_color())
 
 

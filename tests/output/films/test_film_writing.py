@@ -482,7 +482,7 @@ def test_the_document_says_all_that_a_film_was_made_from(by_command: tuple[Path,
     assert document["sha256"] == hashlib.sha256(content).hexdigest()
 
     configuration = document["configuration"]
-    assert configuration["controllers"] == ["LQR"]
+    assert configuration["controllers"] == ["lqr"]
     assert configuration["film"] == {
         "width": 320,
         "height": 240,

@@ -23,7 +23,7 @@ from grosmc_mj.output.charts.figure import drawn, write_chart
 from grosmc_mj.output.charts.interactive import page_figure
 from grosmc_mj.output.charts.of_results import chart_of, panels_chart
 from grosmc_mj.output.palette import CELLS as CELL_COLOURS
-from grosmc_mj.output.palette import COLOURS, FAILED, INK, KEPT, LABELS, Stroke, label_of
+from grosmc_mj.output.palette import COLOURS, FAILED, INK, KEPT, Stroke
 from grosmc_mj.output.results import tables
 from grosmc_mj.output.results.document import json_text, write_json
 from grosmc_mj.output.results.result import CellChart, LineChart, Series
@@ -214,27 +214,7 @@ def test_a_column_beyond_the_width_of_100_is_named(width: int, legend: str) -> N
     assert len(brief.rows[0]) == (2 if legend else 3)
 
 
-# Names and formulas.
-
-
-@pytest.mark.parametrize(
-    ("law", "label"),
-    [
-        ("grosmc", "GROSMC"),
-        ("implicit, predicted", "GROSMC, implicit, predicted"),
-        ("lqi, quick", "LQI, quick"),
-        ("mine", "mine"),
-        ("mine, quick", "mine, quick"),
-        ("LQR", '"LQR"'),
-        ("GROSMC, implicit, predicted", '"GROSMC, implicit, predicted"'),
-    ],
-)
-def test_a_law_is_named_as_people_say(law: str, label: str) -> None:
-    assert label_of(law) == label
-
-
-def test_no_two_laws_of_the_package_have_one_label() -> None:
-    assert len(set(LABELS.values())) == len(LABELS)
+# Formulas.
 
 
 def test_a_formula_is_a_line_of_text() -> None:

@@ -474,8 +474,8 @@ def test_marks_of_a_map_differ_in_form(map_figure: Any) -> None:
 
 def test_a_map_counts_the_plants_that_are_kept(map_figure: Any) -> None:
     first, second = map_figure.axes
-    assert first.get_title(loc="left") == "GROSMC: 5 of 8 kept"
-    assert second.get_title(loc="left") == "LQR: 8 of 8 kept"
+    assert first.get_title(loc="left") == "grosmc: 5 of 8 kept"
+    assert second.get_title(loc="left") == "lqr: 8 of 8 kept"
     assert (first.get_xlabel(), first.get_ylabel()) == TITLES
 
 
@@ -528,11 +528,11 @@ def test_a_radius_is_drawn_where_the_first_failure_was_found() -> None:
     # A run that did not complete has no margin.
     assert [*line.y] == [0.5, 0.1, -0.2, None]
     assert [*line.good] == [True, True, False, False]
-    assert radius.name == "GROSMC: no failure found up to 2"
+    assert radius.name == "grosmc: no failure found up to 2"
     assert (radius.limit, [*radius.marks]) == (0.0, [2])
 
 
 def test_a_radius_of_nothing_has_no_marks() -> None:
     radius = chart(Radius("grosmc", 16, TRIALS[2:], largest=8.0))
-    assert radius.name == "GROSMC: no failure found up to 0"
+    assert radius.name == "grosmc: no failure found up to 0"
     assert [*radius.marks] == []

@@ -94,7 +94,7 @@ def test_the_load_of_case_1_decides_how_far_the_gain_of_sign_may_fall(
 def test_lqr_does_not_keep_its_task_under_case_1() -> None:
     margins = servo_task("lqr", "case1").margins
     assert list(margins) == [AS_IS]
-    assert margins[AS_IS].words == "stays_within"
+    assert margins[AS_IS].words == "stays within"
     assert not margins[AS_IS].kept
 
 
