@@ -30,14 +30,16 @@ def content(base: str = "servo", *, law: str = "lqr", **tables: Any) -> dict[str
     """Return the values of a case.
 
     Args:
-        base: A system, whose case takes 20 ms under one law; a shipped case; or the file and the
-            name of a plant in Python, ``plants:block``.
+        base: A system, whose case takes 20 ms under one law; a shipped case; a model's file,
+            ``leg.xml``; or the file and the name of a plant in Python, ``plants:block``.
         law: Name of the law, unless there are tables of controllers.
         tables: Tables by their names. Values of a single one stand in place of the base's; a list
             or one table of the other kinds stands in place of all that the base has. Keys above
             the tables, such as ``title``, are plain values.
     """
-    if "/" in base:
+    if base.endswith(".xml"):
+        values = {"plant": {"model": base}, "run": dict(SHORT), "controller": [{"law": law}]}
+    elif "/" in base:
         values = read_content(find_file(base))
     else:
         kind = "plant" if ":" in base else "system"
