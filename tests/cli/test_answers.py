@@ -84,7 +84,9 @@ def answer(command: str) -> str:
         contextlib.redirect_stdout(output),
     ):
         write_short_campaign(Path(folder))
-        assert run(*command.split()) == cli.DONE
+        # The campaign's search finds a plant that fails.
+        code = cli.DIFFERS if command == CAMPAIGN else cli.DONE
+        assert run(*command.split()) == code
     return output.getvalue()
 
 

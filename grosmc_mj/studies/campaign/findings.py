@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -240,6 +240,7 @@ def campaign_result(
     at_least: float | None = None,
     progress: Sequence[str] = (),
     searched: Mapping[str, Sequence[str]] | None = None,
+    failing: Collection[str] = (),
 ) -> Result:
     """Return the result; a margin without bound is that of a run that did not complete.
 
@@ -249,6 +250,7 @@ def campaign_result(
         at_least: Share of the plants that each law must be shown to keep; None without.
         progress: Lines on how its runs were made.
         searched: What searches from the runs found, by law.
+        failing: Laws under which a search found a plant that fails inside the declared ranges.
     """
     sampled = findings.sampled
     pass_rates_of_all, *further = findings_tables(campaign, findings)
@@ -285,7 +287,7 @@ def campaign_result(
         campaign,
         "campaign",
         complete=sampled.runs == sampled.planned,
-        answers=_answers(campaign, findings, at_least, searched or {}),
+        answers=_answers(campaign, findings, at_least, searched or {}, failing),
         sheets=sheets,
         remarks=[*_remarks(campaign, findings), *progress],
         sampled={**sampled._asdict(), "words": sampled.words},
@@ -305,13 +307,14 @@ def _answers(
     findings: Findings,
     at_least: float | None,
     searched: Mapping[str, Sequence[str]],
+    failing: Collection[str],
 ) -> Iterator[Answer]:
     """Yield on how many plants each law keeps everything, the worst law first."""
     rates = rates_of_laws(findings)
     notes = campaign.notes
     for law in sorted(rates, key=lambda law: rates[law].rate):
         rate = rates[law]
-        good = rate.kept == rate.runs
+        good = rate.kept == rate.runs and law not in failing
         words = _rate_words(law, rate, findings)
         if at_least is not None and law in campaign.judged:
             bound = rate_shown(rate.kept, rate.runs, rate.confidence)

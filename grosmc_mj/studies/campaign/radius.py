@@ -119,9 +119,14 @@ class Radius:
         return max(scales, default=0.0)
 
     @property
+    def fails(self) -> bool:
+        """Whether a plant inside the declared ranges was found to fail."""
+        return self.outside is not None and self.outside.scale <= 1
+
+    @property
     def sentence(self) -> str:
         """A line on the scales of the uncertainty at which the law fails."""
-        line = f"{self.controller}: {self.words}"
+        line = f"{self.controller}: {self._unfailing}"
         if self.outside is not None:
             line += f", one found at {self.outside.scale:.3g}"
         return line
@@ -129,6 +134,13 @@ class Radius:
     @property
     def words(self) -> str:
         """Largest scale without a failure, as a phrase behind words on the law."""
+        if self.outside is None or not self.fails:
+            return self._unfailing
+        return f"{self._unfailing}, one at {self.outside.scale:.3g}, inside the declared ranges"
+
+    @property
+    def _unfailing(self) -> str:
+        """The largest scale at which no failure was found."""
         return f"no failure found up to {self.found:.3g} times the uncertainty"
 
 

@@ -96,7 +96,8 @@ class WorstPlant:
     @property
     def words(self) -> str:
         """Margin of the plant, as a phrase behind words on the law."""
-        return f"worst plant found: margin {number(self.relative)} of its limit"
+        fails = " fails" if self.fails else ""
+        return f"worst plant found{fails}: margin {number(self.relative)} of its limit"
 
 
 def worst(

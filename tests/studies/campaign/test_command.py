@@ -38,7 +38,7 @@ def folder(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of sixteen runs with all searches."""
     path = tmp_path_factory.mktemp("campaign") / "out"
     sixteen = ("campaign", file, "--runs", "16", "--out", path, "--no-figures")
-    assert run(*sixteen, *SEARCHES) == cli.DONE
+    assert run(*sixteen, *SEARCHES) == cli.DIFFERS
     return path
 
 
@@ -264,11 +264,25 @@ def test_results_are_written_before_shown(file: Path, tmp_path: Path, monkeypatc
 
     monkeypatch.setattr(screen, "say_verdict", note_verdict)
     monkeypatch.setattr(running, "write_figures", note_figures)
-    assert run("campaign", file, "--runs", "8", "--out", tmp_path, *SEARCHES) == cli.DONE
+    assert run("campaign", file, "--runs", "8", "--out", tmp_path, *SEARCHES) == cli.DIFFERS
     # The headline has what the searches found.
     headline = "keeps everything and worst plant and no failure"
     assert [*written] == [headline, "worst plant", "no failure", "figures"]
     assert [len(names) for names in written.values()] == [1, 2, 3, 3]
+
+
+@pytest.mark.parametrize(
+    ("asked", "code"), [((), cli.DIFFERS), (("--at-least", "0.005"), cli.DONE)]
+)
+def test_a_plant_that_a_search_finds_to_fail_decides_unless_a_share_is_asked_for(
+    file: Path, tmp_path: Path, asked: tuple[str, ...], code: int
+) -> None:
+    """Of eight plants one keeps everything, and so at least 0.6 % of all, with 95 % confidence."""
+    options = ("--runs", "8", "--out", tmp_path, "--no-figures", "--radius")
+    assert run("campaign", file, *options, *asked) == code
+    assert document(tmp_path, "results")["answers"][0]["verdict"] == (
+        "not kept" if code else "kept"
+    )
 
 
 def least_margin(folder: Path, which: str) -> float:

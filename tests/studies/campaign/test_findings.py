@@ -160,6 +160,19 @@ of = ["stiff"]
 """
 
 
+@pytest.mark.parametrize(("found", "verdict"), [(0, "kept"), (1, "not kept")])
+def test_a_failing_plant_that_a_search_found_is_a_law_that_is_not_kept(
+    servo_findings: Findings, found: int, verdict: str
+) -> None:
+    """Whatever the runs say: the plant is one of the declared design."""
+    law = declared().judged[0]
+    every_run = {key: rate._replace(kept=rate.runs) for key, rate in servo_findings.rates.items()}
+    kept = replace(servo_findings, rates=every_run)
+    answers = campaign_result(declared(), kept, failing=[law] * found).answers
+    (of_law,) = [answer.verdict for answer in answers if answer.words.startswith(law)]
+    assert of_law == verdict
+
+
 @pytest.fixture(scope="module")
 def separate(tmp_path_factory: pytest.TempPathFactory) -> Findings:
     """Findings where the same requirement stands in a table of each law."""

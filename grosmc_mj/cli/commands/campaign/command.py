@@ -52,8 +52,8 @@ class CampaignCommand(AnsweringCommand):
     plant meets every law. The answer is pass rates with intervals, margins, and the numbers that
     drive them; the folder keeps a row for each run, the results and the figures.
 
-    Exit code: 0 if done, 1 if a law keeps everything on no plant or --at-least is missed, 2 if the
-    command or the set-up is wrong.
+    Exit code: 0 if done, 1 if a law keeps everything on no plant, --at-least is missed or, without
+    it, a search finds a declared plant that fails, 2 if the command or the set-up is wrong.
 
     Attributes:
         target: A system, a case or a case file; for --plant a campaign's folder.
@@ -67,7 +67,7 @@ class CampaignCommand(AnsweringCommand):
         resume: Go on with what is in the folder.
         plant: Write one plant of a campaign's folder as a case file: the number of its run; or
             worst, shrunk or outside, which --worst and --radius found.
-        evaluations: Runs that --worst may take for each law.
+        evaluations: Runs that --worst may take for each law, 128 or more.
         sampler: random (gives intervals) or corners of the ranges.
         seed: Seed of the sampler; run i depends on it and on i alone.
         confidence: Confidence of the intervals.

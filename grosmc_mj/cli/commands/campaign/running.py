@@ -44,6 +44,7 @@ class RunsQuestion(Question):
         progress: Lines on the parts that were there already and on the speed of the others.
         begun: Whether the folder is this campaign's.
         searched: What searches from its runs found, by law.
+        failing: Laws under which a search found a plant that fails inside the declared ranges.
     """
 
     campaign: Campaign
@@ -55,6 +56,7 @@ class RunsQuestion(Question):
     progress: list[str] = field(default_factory=list)
     begun: bool = False
     searched: dict[str, list[str]] = field(default_factory=dict)
+    failing: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         self.path = self.folder.path / RESULTS
@@ -96,8 +98,14 @@ class RunsQuestion(Question):
         if not self.begun or not self._done:
             return None
         return campaign_result(
-            self.campaign, self.found, self.at_least, self.progress, self.searched
+            self.campaign, self.found, self.at_least, self.progress, self.searched, self.failing
         )
+
+    def note(self, law: str, found: WorstPlant | Radius) -> None:
+        """Note what a search found under a law."""
+        self.searched.setdefault(law, []).append(found.words)
+        if found.fails:
+            self.failing.add(law)
 
     @cached_property
     def found(self) -> Findings:
@@ -111,7 +119,13 @@ class RunsQuestion(Question):
 
     @property
     def kept(self) -> bool:
-        """Whether each law keeps everything on some plant, or on the share that is asked for."""
+        """Whether each law keeps the share of the plants that is asked for.
+
+        Without one it must keep everything on some plant, and no search may find a plant inside the
+        declared ranges that fails.
+        """
+        if self.at_least is None and self.failing:
+            return False
         rates = [self.found.rates[ALL, law] for law in self.campaign.judged]
         return all(keeps_enough(rate, self.at_least) for rate in rates)
 
@@ -152,7 +166,7 @@ class WorstQuestion(Question):
                 advance_law = partial(advance, f"worst under {law}")
                 found = worst(campaign, law, worst_runs[law], self.evaluations, advance_law)
                 self.plants.append(found)
-                self.runs.searched.setdefault(law, []).append(found.words)
+                self.runs.note(law, found)
         self.done = True
 
     def result(self, *, complete: bool) -> Result | None:
@@ -195,7 +209,7 @@ class RadiusQuestion(Question):
                 # The search says how many plants it has tried; the bar counts laws.
                 found = radius(campaign, law, lambda _, words=words: advance(words, 0))
                 self.radii.append(found)
-                self.runs.searched.setdefault(law, []).append(found.words)
+                self.runs.note(law, found)
                 advance(words)
         self.done = True
 
