@@ -106,7 +106,9 @@ REGION = _document(
 )
 CLAIMS = _document(
     "claims",
-    answers=[Answer(question="Claims", verdict="kept", words="1 of 1 as expected")],
+    answers=[
+        Answer(question="Claims of servo", verdict="kept", standard="expected", words="1 of 1")
+    ],
     sheets=[
         ReportTable(
             table=table(
@@ -123,7 +125,10 @@ CURVES = {
     "title": "with a load",
     "duration": 3.0,
     "disturbances": [{"start": 1.0, "stop": 2.0, "label": "load"}],
-    "laws": {"lqr": {"label": "LQR", "colour": "#D55E00"}},
+    "laws": {
+        "lqr": {"label": "lqr", "colour": "#D55E00"},
+        "fl-lqr": {"label": "fl-lqr", "colour": "#CC79A7"},
+    },
     "panels": [
         {
             "label": "angle [rad]",

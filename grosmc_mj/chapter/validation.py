@@ -144,6 +144,7 @@ class Validation:
             verdict=verdict,
             words=self.words,
             more=counts_words(self.findings),
+            standard="recorded",
             faults=[f"differs: {line}" for line in self.differences],
         )
 

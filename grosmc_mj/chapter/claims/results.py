@@ -52,7 +52,10 @@ _HOLDS = {True: "the claim holds", False: "it does not", None: "nothing can be t
 
 
 def claims_result(
-    findings: Sequence[ClaimFinding], settings: Settings, faults: Sequence[str] = ()
+    findings: Sequence[ClaimFinding],
+    settings: Settings,
+    faults: Sequence[str] = (),
+    of: str = "the chapter",
 ) -> Result:
     """Return the result of judged claims; of a single one it tells how it was judged.
 
@@ -60,7 +63,11 @@ def claims_result(
         findings: The judged claims.
         settings: Settings of their runs.
         faults: Verdicts that are not the expected ones, a line each.
+        of: System or place in the chapter that the claims are about.
     """
+    question = f"Claims of {of}"
+    if len(findings) == 1:
+        question = f"Claim {findings[0].claim.id}"
     verdict = KEPT
     sentence = "All verdicts are as expected"
     unexpected = sum(bool(finding.unexpected) for finding in findings)
@@ -72,10 +79,11 @@ def claims_result(
         )
 
     answer = Answer(
-        question="Claims",
+        question=question,
         verdict=verdict,
         words=sentence,
         more=counts_words(findings),
+        standard="expected",
         faults=faults,
     )
     tables = claims_tables(findings)

@@ -81,6 +81,7 @@ class _JudgeQuestion(Question):
         self._one = claims[0].id == command.target
         if self._one:
             self.path = command.out / f"claims/{command.target}.json"
+        self._of = command.target or "the chapter"
         self._page = command.page
         self._claims = claims
         self._lab = _run_cache()
@@ -102,7 +103,7 @@ class _JudgeQuestion(Question):
         order = [claim.id for claim in self._claims]
         self._findings.sort(key=lambda finding: order.index(finding.claim.id))
         differences = [f"differs: {line}" for line in self._differences]
-        result = claims_result(self._findings, self._lab.settings, differences)
+        result = claims_result(self._findings, self._lab.settings, differences, self._of)
         return result if complete else result.unfinished()
 
     def draw(self) -> Sequence[Path]:

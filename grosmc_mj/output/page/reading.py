@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -18,6 +19,8 @@ from grosmc_mj.output.results.result import Part, Provenance, Result, Text
 # Largest size of a document, and of all documents of a page [byte].
 _LARGEST_DOCUMENT = 40 * 2**20
 _LARGEST_PAGE = 200 * 2**20
+# Ending of the name of a document that a later run set aside.
+_SET_ASIDE = re.compile(r"\.previous\d*\.json$")
 # Largest number of letters of the reason why a file cannot be read.
 _LONGEST_REASON = 160
 
@@ -128,6 +131,11 @@ class Document(NamedTuple):
     def kind(self) -> str:
         """Kind of document: that of its result, ``curves`` or ``film``."""
         return self.content.kind
+
+    @property
+    def earlier(self) -> bool:
+        """True if it was set aside, see ``set_aside_other``: a later run was of something else."""
+        return _SET_ASIDE.search(self.path.name) is not None
 
 
 # Classes of the documents that are no results.

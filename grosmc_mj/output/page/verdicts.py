@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from grosmc_mj.ground.wording import quantity_and_unit, unit_after
@@ -15,8 +15,13 @@ from grosmc_mj.output.results.tables import Column, Table, number, phrases, tabl
 _OF_RUNS = ("run", "validation")
 MARKS = {"kept": "✓", "not kept": "✗", "measured": "•", "not decided": "?"}
 
+# Cell of a law that ran and is not judged.
+_FREE = f"{MARKS['measured']} nothing required"
+
 # Verdict on each law in each case.
 Cases = Mapping[str, Mapping[str, Standing]]
+# Laws of which nothing is required, by case.
+FreeLaws = Mapping[str, Sequence[str]]
 
 
 class Story(NamedTuple):
@@ -36,18 +41,44 @@ class Story(NamedTuple):
 def required_verdicts(documents: Iterable[Document]) -> Cases:
     """Return the newest verdicts of runs that requirements decide, by case and law."""
     cases: dict[str, dict[str, Standing]] = {}
-    for document in documents:
-        if isinstance(document.content, Result) and document.kind in _OF_RUNS:
-            for verdict in document.content.standings:
-                if verdict.required:
-                    cases.setdefault(verdict.case, {})[verdict.law] = verdict
+    for verdict in _run_standings(documents):
+        if verdict.required:
+            cases.setdefault(verdict.case, {})[verdict.law] = verdict
     return dict(sorted(cases.items()))
+
+
+def free_laws(documents: Sequence[Document], cases: Cases) -> FreeLaws:
+    """Return the laws of which nothing is required in a case of ``cases``, by case.
+
+    Args:
+        documents: All documents: laws that are not judged have curves only.
+        cases: Verdicts on the laws.
+    """
+    ran = [(verdict.case, verdict.law) for verdict in _run_standings(documents)]
+    for document in documents:
+        if isinstance(document.content, Curves):
+            curves = document.content
+            ran += [(f"{curves.system}/{curves.case}", law) for law in curves.laws]
+
+    free: dict[str, list[str]] = {}
+    for case, law in dict.fromkeys(ran):
+        if case in cases and law not in cases[case]:
+            free.setdefault(case, []).append(law)
+    return free
+
+
+def _run_standings(documents: Iterable[Document]) -> Iterator[Standing]:
+    """Yield the verdicts of runs, without those of earlier runs that were of something else."""
+    for document in documents:
+        content = document.content
+        if isinstance(content, Result) and document.kind in _OF_RUNS and not document.earlier:
+            yield from content.standings
 
 
 # -- tables --------------------------------------------------------------------------------------
 
 
-def systems_table(cases: Cases) -> Table:
+def systems_table(cases: Cases, free: FreeLaws) -> Table:
     """Return the table of laws by systems: in how many cases a law keeps everything, and how."""
     verdicts_of: dict[str, dict[str, list[Standing]]] = {}
     systems: dict[str, None] = {}
@@ -57,18 +88,26 @@ def systems_table(cases: Cases) -> Table:
         for law, verdict in laws.items():
             on_systems = verdicts_of.setdefault(law, {})
             on_systems.setdefault(system, []).append(verdict)
+        for law in free.get(case, ()):
+            verdicts_of.setdefault(law, {}).setdefault(system, [])
 
     rows = []
     for law, on_systems in verdicts_of.items():
-        cells = [_system_cell(on_systems.get(system, [])) for system in systems]
+        cells = [_system_cell(on_systems.get(system)) for system in systems]
         rows.append([law, *cells])
     return table("", [*phrases("law"), *_verdict_columns(systems)], rows)
 
 
-def _system_cell(cases: Sequence[Standing]) -> str:
-    """Write in how many cases a law keeps everything, and the requirement that decides."""
-    if not cases:
+def _system_cell(cases: Sequence[Standing] | None) -> str:
+    """Write in how many cases a law keeps everything, and the requirement that decides.
+
+    Args:
+        cases: Verdicts on the law; empty if nothing is required of it, None if it did not run.
+    """
+    if cases is None:
         return ""
+    if not cases:
+        return _FREE
     worst = max(cases, key=_severity)
     words = _verdict_words(worst)
     if len(cases) == 1:
@@ -79,12 +118,13 @@ def _system_cell(cases: Sequence[Standing]) -> str:
     return f"{words} ({case}); {kept} of {len(cases)} cases kept"
 
 
-def cases_table(cases: Cases) -> Table:
+def cases_table(cases: Cases, free: FreeLaws) -> Table:
     """Return the table of laws by cases that a system's cells summarize."""
     rows = []
     for case, laws in cases.items():
         for law, verdict in laws.items():
             rows.append([case, law, _verdict_words(verdict)])
+        rows += [[case, law, _FREE] for law in free.get(case, ())]
     return table("", [*phrases("case", "law"), *_verdict_columns(["requirement"])], rows)
 
 
@@ -92,8 +132,10 @@ def studies_table(results: Iterable[Document]) -> Table:
     """Return the table of where each law of a study breaks first."""
     rows = []
     for document in results:
-        if isinstance(document.content, Result) and document.kind not in _OF_RUNS:
-            for verdict in document.content.standings:
+        content = document.content
+        of_study = document.kind not in _OF_RUNS and not document.earlier
+        if isinstance(content, Result) and of_study:
+            for verdict in content.standings:
                 study = f"{verdict.case}, {document.kind}"
                 place = f"{_mark(verdict)} {_breaking_words(verdict)}"
                 rows.append([study, verdict.law, place, verdict.words])
@@ -106,7 +148,7 @@ def answers_table(answers: Iterable[Answer]) -> Table:
     rows = []
     for answer in sorted(answers, key=lambda answer: VERDICTS.index(answer.verdict)):
         words = ". ".join(filter(None, (answer.words.rstrip("."), answer.more)))
-        rows.append([answer.question, f"{MARKS[answer.verdict]} {answer.verdict}", words])
+        rows.append([answer.question, f"{MARKS[answer.verdict]} {answer.verdict_words}", words])
     columns = [*phrases("question"), *_verdict_columns(["verdict"]), *phrases("answer")]
     return table("", columns, rows)
 
@@ -209,11 +251,11 @@ def _sentence(panel: CurvePanel, verdicts_of: Mapping[str, Standing]) -> str:
         words = f"{worst} breaks a requirement ({verdicts_of[worst].words})"
         if len(broken) > 1:
             words += f", and so do {len(broken) - 1} more"
-        return f"{words}; {_laws_words(kept) or 'no law'} keeps everything."
+        return f"{words}; {_laws_words(kept)} keeps everything."
 
     sizes = largest_values(panel)
     if not sizes:
-        return f"{_laws_words(kept) or 'No law'} keeps everything; there are no curves."
+        return _begun(f"{_laws_words(kept)} keeps everything; there are no curves.", kept)
 
     words = f"{_laws_words(kept)} keeps everything; " if kept else ""
     least = min(sizes, key=sizes.__getitem__)
@@ -222,11 +264,18 @@ def _sentence(panel: CurvePanel, verdicts_of: Mapping[str, Standing]) -> str:
     words += f"largest {name}: {number(sizes[least])}{unit_after(unit)} under {least}"
     if most != least:
         words += f", {number(sizes[most])}{unit_after(unit)} under {most}"
-    return f"{words[0].upper()}{words[1:]}."
+    return _begun(f"{words}.", kept)
 
 
 def _laws_words(laws: Sequence[str]) -> str:
     """Name a single law; of several, write how many they are."""
     if len(laws) == 1:
         return laws[0]
-    return f"each of {len(laws)} laws" if laws else ""
+    return f"each of {len(laws)} laws" if laws else "no law"
+
+
+def _begun(sentence: str, laws: Sequence[str]) -> str:
+    """Return a sentence with a capital letter, unless it begins with the name of the one law."""
+    if len(laws) == 1:
+        return sentence
+    return f"{sentence[0].upper()}{sentence[1:]}"

@@ -27,6 +27,7 @@ from grosmc_mj.output.page.verdicts import (
     Story,
     answers_table,
     cases_table,
+    free_laws,
     required_verdicts,
     stories,
     studies_table,
@@ -35,9 +36,16 @@ from grosmc_mj.output.page.verdicts import (
 from grosmc_mj.output.palette import FAILED, KEPT, VERDICT_COLOURS
 from grosmc_mj.output.results.document import plain
 from grosmc_mj.output.results.result import Answer, Result
+from grosmc_mj.output.results.tables import Table
 
 # Largest number of letters of a configuration; the page cuts a longer one off.
 _LONGEST_CONFIGURATION = 20_000
+# Mark of a result that a later run set aside.
+_EARLIER = "from an earlier run"
+# On a narrow screen the rows of a table with so many columns of words are cards, unless a card
+# would have more lines than this: then the table scrolls sideways.
+_WORDS_OF_CARDS = 3
+_LINES_OF_A_CARD = 6
 
 
 class Page(NamedTuple):
@@ -85,7 +93,8 @@ def write_page(reading: Results, paths: Sequence[Path], path: Path) -> Page:
     results = [document for document in documents if isinstance(document.content, Result)]
     newest = _newest_curves(documents)
     cases = required_verdicts(results)
-    answers = [answer for document in results for answer in _result(document).answers]
+    free = free_laws(documents, cases)
+    answers = [answer for document in results for answer in _answers(document)]
 
     # The functions below append figures and notices to these lists.
     figures: list[PageFigure] = []
@@ -95,8 +104,8 @@ def write_page(reading: Results, paths: Sequence[Path], path: Path) -> Page:
         "title": "Results of grosmc-mj",
         "interrupted": sum(not _result(document).complete for document in results),
         "stories": [_story(story, figures) for story in stories(newest, cases)],
-        "systems": systems_table(cases),
-        "cases": cases_table(cases),
+        "systems": systems_table(cases, free),
+        "cases": cases_table(cases, free),
         "answers": answers_table(answers),
         "notes": [
             f"{answer.question}: {line}"
@@ -121,6 +130,17 @@ def _result(document: Document) -> Result:
     """Return the content of a document that is known to be a result."""
     assert isinstance(document.content, Result)
     return document.content
+
+
+def _answers(document: Document) -> list[Answer]:
+    """Return the answers of a result; those of an earlier run say that they are."""
+    answers = list(_result(document).answers)
+    if not document.earlier:
+        return answers
+    return [
+        answer.model_copy(update={"question": f"{answer.question}, {_EARLIER}"})
+        for answer in answers
+    ]
 
 
 def _class_of(cell: str) -> str:
@@ -187,19 +207,27 @@ def _plot(chart: Chart, figures: list[PageFigure]) -> dict[str, Any]:
 def _study(document: Document, figures: list[PageFigure]) -> dict[str, Any]:
     """Return the tables and charts of a result."""
     content = _result(document)
-    name = content.answers[0].question if content.answers else document.path.stem
+    answers = _answers(document)
+    name = answers[0].question if answers else document.path.stem
     sheets = []
     for sheet in content.sheets:
         beside = sheet.charts
         charts = [(chart.name, _plot(chart_of(chart, beside), figures)) for chart in beside]
         if sheet.table.rows or charts:
-            sheets.append({"table": sheet.table, "charts": charts})
+            stacked = _reads_as_cards(sheet.table)
+            sheets.append({"table": sheet.table, "charts": charts, "stacked": stacked})
     return {
         "name": name,
         "kind": document.kind,
         "sheets": sheets,
         "remarks": content.remarks,
     }
+
+
+def _reads_as_cards(shown: Table) -> bool:
+    """Return True if the rows of a table are cards on a narrow screen."""
+    words = sum(column.kind != "numbers" for column in shown.columns)
+    return words >= _WORDS_OF_CARDS and len(shown.columns) <= _LINES_OF_A_CARD
 
 
 def _films(

@@ -60,6 +60,8 @@ class Answer(Part):
         verdict: One of ``VERDICTS``.
         words: The answer.
         more: Next sentence, such as the requirement that is nearest to its limit.
+        standard: What the verdict compares with, where it is no requirement: ``expected`` or
+            ``recorded``.
         faults: Faults that were found, a line each: runs that ended early, premises that fail,
             results that differ.
         notes: Notes beside the verdict, a line each: ideals of the model, loads that do nothing or
@@ -70,8 +72,18 @@ class Answer(Part):
     verdict: Literal["not kept", "not decided", "measured", "kept"]
     words: Text
     more: Text = ""
+    standard: Literal["", "expected", "recorded"] = ""
     faults: Sequence[Text] = ()
     notes: Sequence[Text] = ()
+
+    @property
+    def verdict_words(self) -> str:
+        """The verdict for people: a refuted claim that is expected so is ``as expected``."""
+        if self.standard and self.verdict == KEPT:
+            return f"as {self.standard}"
+        if self.standard and self.verdict == NOT_KEPT:
+            return f"not as {self.standard}"
+        return self.verdict
 
     @property
     def good(self) -> bool:

@@ -34,8 +34,10 @@ from grosmc_mj import cli
 from grosmc_mj.output.charts.interactive import PageFigure, page_figure
 from grosmc_mj.output.page.curves import curves_chart
 from grosmc_mj.output.page.reading import Curves, read_results
-from grosmc_mj.output.page.verdicts import required_verdicts, systems_table
 from grosmc_mj.output.page.write import Page, write_page
+from grosmc_mj.output.results.result import ReportTable
+from grosmc_mj.output.results.tables import Column, numbers, table, verdicts, words
+from grosmc_mj.output.results.tables import text as prose
 
 HOSTILE = "</script><script>window.stolen=1</script><img src=x onerror=alert(1)>'\"&{{7*7}}"
 
@@ -132,7 +134,7 @@ def test_no_mixture_of_results_stops_the_page(data: st.DataObject) -> None:
 
 
 # Fields whose texts have a fixed form.
-FIXED = {"colour", "verdict", "form", "kind", "letter", "grid"}
+FIXED = {"colour", "verdict", "standard", "form", "kind", "letter", "grid"}
 
 
 def with_hostile_texts(value: Any, key: str = "") -> Any:
@@ -201,7 +203,14 @@ def test_a_system_has_a_mark_and_the_binding_requirement_of_every_law(written: W
     assert cells == [
         ("not-kept", " stays within 2: 3 rad (case1)"),
         ("kept", " stays within 2: 1 rad (case1)"),
+        ("measured", " nothing required"),
     ]
+
+
+def test_a_verdict_that_is_expected_is_not_called_kept(written: Written) -> None:
+    row = re.search(r'<th scope="row">Claims of servo</th>.*', written.text)
+    assert row is not None
+    assert '<span class="kept">✓</span> as expected</td>' in row[0]
 
 
 def test_the_first_sentence_names_the_law_that_breaks_a_requirement(written: Written) -> None:
@@ -330,19 +339,6 @@ def test_a_case_in_which_nothing_is_required_is_not_in_the_tables(tmp_path: Path
     assert 'data-header="arm"' not in text
 
 
-def test_laws_whose_names_differ_in_case_have_a_line_each(tmp_path: Path) -> None:
-    """They were one line: "2 of 2 cases kept"."""
-    standings = [
-        {"case": "servo/case1", "law": "lqr", "words": "settles within 1 s: 0.5 s"},
-        {"case": "servo/case1", "law": "LQR", "words": "final error", "breaks_at": "final error"},
-    ]
-    write_document(
-        tmp_path / "validation.json", {**RUN, "kind": "validation", "standings": standings}
-    )
-    table = systems_table(required_verdicts(read_results([tmp_path]).documents))
-    assert [row[0] for row in table.rows] == ["lqr", "LQR"]
-
-
 @pytest.mark.parametrize("curves", [[], [{"law": "lqr", "plant": "physics", "t": [], "y": []}]])
 def test_a_panel_without_a_curve_has_a_page(tmp_path: Path, curves: list[Any]) -> None:
     panel = {"label": "angle [rad]", "curves": curves}
@@ -361,6 +357,35 @@ def test_the_newer_of_two_results_counts(tmp_path: Path) -> None:
     write_verdict(tmp_path / "a.json", "newer", 2000)
     write_verdict(tmp_path / "b.json", "older", 1000)
     assert "older" not in page_of(tmp_path).text.partition("All answers")[0]
+
+
+def test_a_result_that_was_set_aside_is_marked(tmp_path: Path) -> None:
+    """It is of another configuration, so its verdicts are in no table of laws."""
+    write_verdict(tmp_path / "servo.json", "later", 2000)
+    write_document(tmp_path / "servo.previous2.json", LADDER)
+    text = page_of(tmp_path).text
+    assert "<b>Ladder of servo, from an earlier run</b>" in text
+    assert "3 times the limit" not in text
+    assert text.count("from an earlier run") == 2
+
+
+@pytest.mark.parametrize(
+    ("columns", "form"),
+    [
+        ([*words("premise"), *numbers("margin"), *verdicts(), *prose("required")], "wide stacked"),
+        ([*words("case"), *numbers("lqr", "grosmc", "sign")], "wide"),
+        ([*words("a", "b", "c"), *numbers("d", "e", "f", "g")], "wide"),
+    ],
+)
+def test_rows_of_words_are_cards_on_a_narrow_screen(
+    tmp_path: Path, columns: list[Column], form: str
+) -> None:
+    sheet = ReportTable(table=table("rows", columns, [["x"] * len(columns)]))
+    write_document(tmp_path / "ladder.json", {**LADDER, "sheets": [sheet.model_dump()]})
+    assert (
+        f'<div class="{form}" tabindex="0" role="region" aria-label="rows">'
+        in page_of(tmp_path).text
+    )
 
 
 def test_an_interrupted_result_is_named(tmp_path: Path) -> None:
