@@ -1,6 +1,6 @@
 """The runs of a case over time: panels of curves, drawn as a figure or written as a document.
 
-A panel is one quantity with its unit: an output, the distance from the optimum, s, the input, or a
+A panel is one quantity with its unit: an output, the deviation from the optimum, s, the input, or a
 hidden state of the machine.
 """
 
@@ -179,7 +179,7 @@ def _output(run: RunResult, j: int) -> Array:
 
 
 def _deviation_panels(results: Sequence[RunResult]) -> list[ShownQuantity]:
-    """Return the panel of the distance from the optimum, of a single output with its sign.
+    """Return the panel of the deviation from the optimum, of a single output with its sign.
 
     There is none where no law has weights.
     """
@@ -189,9 +189,9 @@ def _deviation_panels(results: Sequence[RunResult]) -> list[ShownQuantity]:
     first = weighed[0]
     unit = first.controller.designed.error.units[first.comparison.outputs[0]]
     single = len(first.comparison.outputs) == 1
-    distance = "distance from y*" if single else "|y − y*|"
+    deviation = "deviation y − y*" if single else "deviation |y − y*|"
     panel = ShownQuantity(
-        label=titled(distance, unit),
+        label=titled(deviation, unit),
         curves=[RunSignal(run, run.comparison.deviation) for run in weighed],
         shows=("deviation",),
         signed=single,

@@ -139,7 +139,7 @@ def studies_table(results: Iterable[Document]) -> Table:
                 study = f"{verdict.case}, {document.kind}"
                 place = f"{_mark(verdict)} {_breaking_words(verdict)}"
                 rows.append([study, verdict.law, place, verdict.words])
-    columns = [*phrases("study", "law"), *_verdict_columns(["breaks at"]), *phrases("number")]
+    columns = [*phrases("study", "law"), *_verdict_columns(["breaks at"]), *phrases("how far")]
     return table("", columns, rows)
 
 

@@ -84,20 +84,20 @@ def test_panels_have_their_own_units(kept: Figure) -> None:
     assert labels(kept) == [
         "cart position [m]",
         "pole angle [rad]",
-        "distance from y* [rad]",
+        "deviation y − y* [rad]",
         "s [rad/s]",
         "force [N]",
     ]
 
 
 def test_a_limit_of_a_signed_quantity_is_one_to_both_sides(kept: Figure) -> None:
-    lines = [line for line in axes_of(kept, "distance").lines if line.get_label() == "limit"]
+    lines = [line for line in axes_of(kept, "deviation").lines if line.get_label() == "limit"]
     levels = [float(np.ravel(line.get_ydata())[0]) for line in lines]
     assert sorted(levels) == [-1.0, 1.0]
 
 
 def test_a_limit_that_is_kept_has_no_words(kept: Figure) -> None:
-    assert not axes_of(kept, "distance").get_title(loc="right")
+    assert not axes_of(kept, "deviation").get_title(loc="right")
 
 
 def test_an_input_that_jumps_is_drawn_as_its_range(kept: Figure) -> None:
@@ -108,12 +108,12 @@ def test_an_input_that_jumps_is_drawn_as_its_range(kept: Figure) -> None:
 def test_panels_with_broken_limits_are_framed(broken: Figure) -> None:
     edges = [axes.spines["top"].get_edgecolor() for axes in broken.axes[:5]]
     framed = [to_hex(edge) == FAILED.lower() for edge in edges]
-    assert labels(broken)[:2] == ["distance from y* [rad]", "pole angle [rad]"]
+    assert labels(broken)[:2] == ["deviation y − y* [rad]", "pole angle [rad]"]
     assert framed == [True, False, True, False, False]
 
 
 def test_a_broken_limit_is_named_with_its_laws(broken: Figure) -> None:
-    assert axes_of(broken, "distance").get_title(loc="right").splitlines() == [
+    assert axes_of(broken, "deviation").get_title(loc="right").splitlines() == [
         "not kept by lqr: deviation below 1e-9 rad",
         "not kept by grosmc: deviation below 1e-9 rad",
     ]
@@ -129,7 +129,7 @@ def circle_runs() -> list[RunResult]:
 
 def test_each_output_has_a_panel(circle_runs: list[RunResult]) -> None:
     panels = labels(figure_of(circle_runs))
-    assert {"output y1 [m]", "output y2 [m]", "|y − y*| [m]"} <= set(panels)
+    assert {"output y1 [m]", "output y2 [m]", "deviation |y − y*| [m]"} <= set(panels)
 
 
 def test_an_output_is_drawn_with_its_reference(circle_runs: list[RunResult]) -> None:
@@ -397,7 +397,7 @@ def test_a_quantity_that_no_run_has_is_refused_with_those_that_there_are(
 INPUT = '\n[[requirement]]\ninput_below = "{}"\n'
 
 
-@pytest.mark.parametrize(("limit", "first"), [("1e3 N", "distance"), ("1 mN", "force")])
+@pytest.mark.parametrize(("limit", "first"), [("1e3 N", "deviation"), ("1 mN", "force")])
 def test_a_figure_opens_with_the_requirement_that_binds(
     tmp_path_factory: pytest.TempPathFactory, limit: str, first: str
 ) -> None:
