@@ -33,8 +33,8 @@ from grosmc_mj.studies.ladder.ladder import ladder, run_rung
 from grosmc_mj.studies.ladder.rungs import Rung
 from grosmc_mj.studies.study import CellRunner, StudyCell
 
-FRICTION = {"lugre": {"joint": "shaft", "coulomb": "0.05 N m"}}
-REQUIRED = {"requirement": {"deviation_below": "1 rad"}}
+FRICTION: dict[str, Any] = {"lugre": {"joint": "shaft", "coulomb": "0.05 N m"}}
+REQUIRED: dict[str, Any] = {"requirement": {"deviation_below": "1 rad"}}
 CLAIM = {"id": "servo-before-load", "deviation_below": "1 urad"}
 LOAD = {"body": "rotor", "torque": ["0 N m", "1 N m", "0 N m"], "profile": "constant"}
 
@@ -266,7 +266,7 @@ class Climber:
     def __init__(self) -> None:
         self.ran: list[tuple[str, bool]] = []
         self.at_delay: Callable[[], object] = lambda: None
-        self.shares = dict.fromkeys(("friction", "backlash", "flexibility"), 3.25)
+        self.shares: dict[str, float] = {"friction": 3.25, "backlash": 3.25, "flexibility": 3.25}
 
     def __call__(self, _: Any, law: Any, rung: Rung, condition: Any, *, together: bool) -> Verdict:
         if rung.name == "delay":

@@ -183,12 +183,13 @@ def test_a_law_has_a_second_row_with_tuned_numbers() -> None:
     ]
 
 
-def test_an_assumed_number_that_turns_a_verdict_is_a_question_mark() -> None:
-    turned = {"turned_by": ("computing: jitter",)}
-    for share, words in [(0.5, "kept?"), (2.0, "friction?")]:
-        document = {
-            "target": "servo/machine",
-            "conditions": [{"name": "nominal"}],
-            "verdicts": [row("friction", share, **turned).model_dump()],
-        }
-        assert pages.few_failures_text([document]).splitlines()[2:] == [f"| LQR | {words} |"]
+@pytest.mark.parametrize(("share", "words"), [(0.5, "kept?"), (2.0, "friction?")])
+def test_an_assumed_number_that_turns_a_verdict_is_a_question_mark(
+    share: float, words: str
+) -> None:
+    document = {
+        "target": "servo/machine",
+        "conditions": [{"name": "nominal"}],
+        "verdicts": [row("friction", share, turned_by=("computing: jitter",)).model_dump()],
+    }
+    assert pages.few_failures_text([document]).splitlines()[2:] == [f"| LQR | {words} |"]
