@@ -55,3 +55,17 @@ TWO = """<mujoco model="two"><option timestep="0.001" integrator="implicitfast"/
 SECOND = '<motor name="two" joint="second"/>'
 COUPLED = '<joint joint1="first" joint2="second" polycoef="0 2 0 0 0" {}/>'
 STIFF, COMPLIANT = COUPLED.format(""), COUPLED.format('solref="-40 -2"')
+
+# More contacts with the floor than the memory holds, which MuJoCo calls an error.
+CROWDED = f"""
+<mujoco>
+  <size memory="40k"/>
+  <worldbody>
+    <geom type="plane" size="9 9 1"/>
+    <body pos="0 0 .1"><joint name="fall" type="slide" axis="0 0 1"/>{
+    "".join(f"<geom type='box' size='.04 .04 .04' pos='{i / 10} 0 0'/>" for i in range(64))
+}</body>
+  </worldbody>
+  <actuator><motor name="fall" joint="fall"/></actuator>
+</mujoco>
+"""

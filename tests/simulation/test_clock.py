@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 import pytest
 from conftest import held
+from mjcf import CROWDED
 
 from grosmc_mj.ground.errors import ModelError
 from grosmc_mj.mechanics.physics.hooks import clock_suspended
@@ -68,7 +69,7 @@ def interrupt(*_: Any) -> None:
 def interrupted_run(threads: int) -> None:
     """A run of minutes that Ctrl-C ends."""
     previous = signal.signal(signal.SIGALRM, interrupt)
-    signal.setitimer(signal.ITIMER_REAL, 0.3)
+    signal.setitimer(signal.ITIMER_REAL, 0.1)
     try:
         starts = np.ones((threads, 2))
         simulate(PLANT, held(0.0), starts, duration=9e4, record=False, threads=threads)
@@ -79,12 +80,7 @@ def interrupted_run(threads: int) -> None:
 
 def failing_run(threads: int) -> None:
     """Runs that end with an error of MuJoCo."""
-    boxes = "".join(f"<geom type='box' size='.04 .04 .04' pos='{i / 10} 0 0'/>" for i in range(64))
-    plant = Robot.from_mjcf(
-        "<mujoco><size memory='40k'/><worldbody><geom type='plane' size='9 9 1'/><body pos='0 0 "
-        f".1'><joint name='fall' type='slide' axis='0 0 1'/>{boxes}</body></worldbody>"
-        "<actuator><motor name='fall' joint='fall'/></actuator></mujoco>"
-    ).plant
+    plant = Robot.from_mjcf(CROWDED).plant
     simulate(plant, held(1.0), np.zeros((threads, 2)), duration=0.5, threads=threads)
 
 
