@@ -5,7 +5,6 @@ from __future__ import annotations
 import inspect
 import math
 import re
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -57,19 +56,18 @@ def beyond_the_state(t: float, x: Any, memory: Any, p: Any) -> float:
     return x[4000 if t > LATE else 0]
 
 
-def returning(value: Any, after: float = -1.0) -> Any:
-    def law(t: float, x: Any, memory: Any, p: Any) -> Any:
-        if t > after:
-            return value
-        return 0.0
-
-    return law
-
-
 def nothing_later(t: float, x: Any, memory: Any, p: Any) -> float | None:
     if t > LATE:
         return None
     return 0.0
+
+
+def infinite_later(t: float, x: Any, memory: Any, p: Any) -> float:
+    return -math.inf if t > LATE else 0.0
+
+
+def one_input(t: float, x: Any, memory: Any, p: Any) -> tuple[float]:
+    return (1.0,)
 
 
 def last_line_of(law: Any) -> int:
@@ -90,42 +88,26 @@ WRONG_LAWS = [
     ),
     (
         "two_link_arm",
-        returning((1.0,)),
+        one_input,
         r"mine returned (\(1.0,\) at t = 0 s), must return a tuple of 2 numbers",
     ),
 ]
 
 
-def assert_refused(
-    law: Controller,
-    kind: str,
-    engine: Engine,
-    system: str,
-    words: str,
-    loop: Loop | None = None,
-) -> None:
-    with pytest.raises(ArgumentError) as error:
-        run(law, kind, engine, system, loop)
-    assert re.fullmatch(words, str(error.value))
-
-
 @each_engine
+@pytest.mark.parametrize("loop", [None, Loop()])
 @pytest.mark.parametrize(("system", "law", "words"), WRONG_LAWS)
 def test_a_wrong_law_is_refused_in_one_line(
-    system: str, law: Any, words: str, engine: Engine, capfd: pytest.CaptureFixture[str]
+    system: str,
+    law: Any,
+    words: str,
+    loop: Loop | None,
+    engine: Engine,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
-    mine = controller(law, system)
-    without_design = Controller("mine", law, mine.parameters, mine.memory)
-    assert_refused(without_design, "corrected", engine, system, words)
-    assert capfd.readouterr().err == ""
-
-
-@each_engine
-@pytest.mark.parametrize(("system", "law", "words"), WRONG_LAWS)
-def test_a_wrong_law_in_a_loop_is_refused_in_one_line(
-    system: str, law: Any, words: str, engine: Engine, capfd: pytest.CaptureFixture[str]
-) -> None:
-    assert_refused(controller(law, system), "physics", engine, system, words, Loop())
+    with pytest.raises(ArgumentError) as error:
+        run(controller(law, system), "corrected", engine, system, loop)
+    assert re.fullmatch(words, str(error.value))
     assert capfd.readouterr().err == ""
 
 
@@ -133,7 +115,7 @@ def test_a_wrong_law_in_a_loop_is_refused_in_one_line(
 @pytest.mark.parametrize("kind", ["corrected", "physics"])
 def test_an_input_that_is_not_finite_ends_the_run_where_it_is(kind: str, engine: Engine) -> None:
     with pytest.raises(UndefinedLawError, match="the law returned no finite number") as ended:
-        run(returning(-math.inf, LATE), kind, engine)
+        run(infinite_later, kind, engine)
     assert ended.value.time == pytest.approx(0.006, abs=1e-12)
     assert np.all(np.isfinite(ended.value.trajectory.state))
 
@@ -160,18 +142,10 @@ def uncompiled(t: float, x: Any, memory: Any, p: Any) -> float:
 uncompiled.python_only = True  # pyright: ignore[reportFunctionMemberAccess]
 
 
-def kept_in_a_region(law: Controller) -> Controller:
-    return guarded(law, physics().system)
-
-
-def bare(law: Controller) -> Controller:
-    return law
-
-
-@pytest.mark.parametrize("around", [bare, kept_in_a_region])
+@pytest.mark.parametrize("around", [lambda law: law, lambda law: guarded(law, physics().system)])
 @pytest.mark.parametrize("loop", [None, Loop()])
 def test_a_law_for_python_only_stays_so_whatever_is_put_around_it(
-    around: Callable[[Controller], Controller], loop: Loop | None
+    around: Any, loop: Loop | None
 ) -> None:
     law = around(controller(uncompiled))
     assert run(law, "corrected", "python", loop=loop).command[-1] == 2.0
@@ -255,25 +229,9 @@ def test_both_engines_remember_the_same_bit_for_bit() -> None:
     np.testing.assert_array_equal(native.memory, python.memory)
 
 
-def cubed(t: float, x: Any, memory: Any, p: Any) -> float:
-    return (1.1 - x[0]) ** 3 - x[1]
-
-
-def squared(t: float, x: Any, memory: Any, p: Any) -> float:
-    return (1.1 - x[0]) ** 2.0 - x[1]
-
-
-def rooted(t: float, x: Any, memory: Any, p: Any) -> float:
-    return math.pow(2.0, -x[1]) - abs(x[0]) ** 1.5
-
-
-@pytest.mark.parametrize("law", [cubed, squared, rooted])
-def test_powers_are_those_of_the_c_library_in_both_engines(law: Any) -> None:
-    """Compilers would take products, which round otherwise."""
-    mine = controller(law)
-    runs = [gm.simulate(physics(), mine, [0.0, 0.0], duration=0.5, engine=e) for e in ENGINES]
-    np.testing.assert_array_equal(runs[0].state, runs[1].state)
-    np.testing.assert_array_equal(runs[0].command, runs[1].command)
+def with_powers(t: float, x: Any, memory: Any, p: Any) -> float:
+    whole = (1.1 - x[0]) ** 3 - (1.2 - x[0]) ** 2.0 - x[1]
+    return whole + math.pow(2.0, -x[1]) - abs(x[0]) ** 1.5
 
 
 def _inner(a: float) -> float:
@@ -284,16 +242,19 @@ def _helper(a: float) -> float:
     return 2.0 * _inner(a)
 
 
-def _helped(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
+def with_helpers(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
     u[0] = -_helper(x[0]) - math.fmod(3.0 * x[1], 0.7)
 
 
-def test_helpers_without_a_decorator_and_fmod_mean_the_same_in_both_engines() -> None:
-    runs = []
-    for engine in ENGINES:
-        law = controller(_helped)
-        runs.append(gm.simulate(physics(), law, (0.3, 0.0), duration=0.1, engine=engine))
-    np.testing.assert_array_equal(runs[0].state, runs[1].state)
+@pytest.mark.parametrize("law", [with_powers, with_helpers])
+def test_powers_helpers_and_fmod_mean_the_same_in_both_engines(law: Any) -> None:
+    """Powers are those of the C library: compilers would take products, which round otherwise."""
+    mine = controller(law)
+    native, python = [
+        gm.simulate(physics(), mine, [0.3, 0.0], duration=0.3, engine=engine) for engine in ENGINES
+    ]
+    np.testing.assert_array_equal(native.state, python.state)
+    np.testing.assert_array_equal(native.command, python.command)
 
 
 def test_a_memory_is_recorded_row_by_row_at_the_samples() -> None:
@@ -309,16 +270,10 @@ def test_an_integral_stands_still_at_the_limit_of_the_input() -> None:
     np.testing.assert_allclose(run.memory["integral"], expected, atol=1e-12)
 
 
-def two_memories() -> Any:
-    """Memories of two runs that start alike."""
+def test_a_run_of_a_batch_begins_with_its_own_memory() -> None:
     law = with_pid(integral=0.25, past=np.ones(8))
-    held = Controller("pid", law.law, law.parameters, law.memory)
-    return gm.simulate(physics(), held, [[0.0, 1.0]] * 2, duration=0.01).memory
-
-
-def test_a_run_begins_with_its_own_memory() -> None:
-    first, second = two_memories()
-    np.testing.assert_array_equal(first, second)
+    run: Any = gm.simulate(physics(), law, [[0.0, 1.0]] * 2, duration=0.01)
+    np.testing.assert_array_equal(run.memory[0], run.memory[1])
 
 
 @pytest.mark.parametrize(
