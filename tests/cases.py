@@ -21,7 +21,7 @@ from grosmc_mj.experiments.file.shipped import find_file
 from grosmc_mj.experiments.file.text import text_of
 
 # Tables that a file has once; there are lists of all others.
-SINGLE = ("plant", "run", "task", "computing", "design", "laws", "log")
+SINGLE = ("plant", "run", "task", "computing", "known_loop", "design", "laws", "log")
 # The run of a case that is built from nothing.
 SHORT = {"duration": "20 ms"}
 

@@ -11,7 +11,7 @@ import scipy.linalg
 from looped import ANGLE, CURRENT, SPEED, H, played, scripted, seen, servo
 
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.ground.errors import ArgumentError, GainError
+from grosmc_mj.ground.errors import GainError
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.loop import Actuator, Computing, Estimator, Loop, Sensor, apply_loop
 from grosmc_mj.simulation.loop.kalman import kalman_gain
@@ -240,14 +240,11 @@ def test_the_rate_of_a_measured_position_is_differenced() -> None:
     np.testing.assert_array_equal(seen_speeds(ENCODER), differenced)
 
 
-def test_an_exact_sensor_gives_the_rate_itself() -> None:
-    sensors = (ENCODER, Sensor(SPEED, exact=True))
-    run = played(ROTOR, Loop(sensors=sensors))
-    np.testing.assert_array_equal(seen(run)[:, 1], run.state[:-1, 1])
-
-
-def test_the_rate_of_a_position_without_a_sensor_is_known_exactly() -> None:
-    run = played(ROTOR, Loop(Computing(delay=H)))
+@pytest.mark.parametrize(
+    "loop", [Loop(sensors=(ENCODER, Sensor(SPEED, exact=True))), Loop(Computing(delay=H))]
+)
+def test_a_rate_with_an_exact_sensor_or_of_a_position_without_one_is_known(loop: Loop) -> None:
+    run = played(ROTOR, loop)
     np.testing.assert_array_equal(seen(run)[:, 1], run.state[:-1, 1])
 
 
@@ -263,8 +260,3 @@ def test_the_rate_of_a_position_without_a_sensor_is_known_exactly() -> None:
 )
 def test_a_loop_tells_which_rates_are_known_exactly(loop: Loop, names: list[str]) -> None:
     assert loop.completed(SERVO).exact_rates(SERVO) == names
-
-
-def test_an_exact_sensor_has_no_other_number() -> None:
-    with pytest.raises(ArgumentError, match="exact = true is an ideal sensor: leave its other"):
-        Sensor(ANGLE, resolution=1e-3, exact=True)

@@ -2,305 +2,168 @@
 
 from __future__ import annotations
 
-from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from looped import H
+from cases import case, write
+from looped import ANGLE, CURRENT, SPEED, H, played
 
 import grosmc_mj as gm
-from grosmc_mj.experiments.experiment import Experiment, RunResult
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.simulation.loop import Actuator, Computing, Estimator, Loop, Sensor
 from grosmc_mj.studies.sweep.runs import Row, run_rows
 
-CASE = """
-title = "a loop"
-plant.system = "servo"
-task = { reference = ["1"], sign = -1, Q = [1, 1], R = 1 }
 
-[run]
-duration = "0.1 s"
-"""
-PLAIN = """
-[[controller]]
-law = "lqr"
-"""
-PARTS = """
-[computing]
-delay = "2 ms"
-jitter = "0.5 ms"
-missed = 0.1
-seed = 7
-
-[[sensor]]
-of = "rotor angle"
-resolution = "0.1 deg"
-noise = "1 mrad"
-bias = "-1 mrad"
-drift = "1 mrad/s"
-delay = "1 ms"
-
-[[estimator]]
-of = "rotor speed"
-law = "eso"
-bandwidth = "20 rad/s"
-settled = false
-
-[[actuator]]
-of = "current"
-delay = "0.5 ms"
-gain = 1.2
-resolution = "1 mA"
-limit = "4 A"
-rate_limit = "100 A/s"
-lag = "2 ms"
-order = 2
-dead_zone = "5 mA"
-"""
-
-
-def written(folder: Path, *parts: str) -> Path:
-    """A case file of these parts."""
-    file = folder / "case.toml"
-    file.write_text("".join((CASE, *parts)), encoding="utf-8")
-    return file
-
-
-def loop_of(file: Path) -> Loop:
-    loop = Experiment.load(file).loop
+def loop_of(**tables: Any) -> Loop:
+    loop = case("servo", **tables).loop
     assert loop is not None
     return loop
 
 
-PERIODS = """control_period = "1 ms"
-timestep = "0.5 ms"
-"""
-
-
-def test_a_file_says_all_there_is_to_a_loop(tmp_path: Path) -> None:
-    loop = loop_of(written(tmp_path, PERIODS, PARTS, PLAIN))
-    (sensor,) = loop.sensors
-    assert sensor.resolution == pytest.approx(np.pi / 1800)
-
-    sensor = Sensor("rotor angle", 1.0, noise=H, bias=-H, drift=H, delay=H)
-    estimator = Estimator(("rotor speed",), "eso", bandwidth=20.0, settled=False)
-    actuator = Actuator(
-        "current",
-        delay=0.5 * H,
-        gain=1.2,
-        resolution=H,
-        limit=4.0,
-        rate_limit=100.0,
-        lag=2 * H,
-        order=2,
-        dead_zone=5 * H,
+def test_a_file_says_all_there_is_to_a_loop() -> None:
+    sensor = {
+        "of": ANGLE,
+        "resolution": "0.1 deg",
+        "noise": "1 mrad",
+        "bias": "-1 mrad",
+        "drift": "1 mrad/s",
+        "delay": "1 ms",
+    }
+    actuator = {
+        "of": CURRENT,
+        "delay": "0.5 ms",
+        "gain": 1.2,
+        "resolution": "1 mA",
+        "limit": "4 A",
+        "rate_limit": "100 A/s",
+        "lag": "2 ms",
+        "order": 2,
+        "dead_zone": "5 mA",
+    }
+    loop = loop_of(
+        run={"control_period": "1 ms", "timestep": "0.5 ms"},
+        computing={"delay": "2 ms", "jitter": "0.5 ms", "missed": 0.1, "seed": 7},
+        sensor=sensor,
+        estimator={"of": SPEED, "law": "eso", "bandwidth": "20 rad/s", "settled": False},
+        actuator=actuator,
     )
-    expected = Loop(
+    assert loop.sensors[0].resolution == pytest.approx(np.pi / 1800)
+    assert loop.changed("sensor", ANGLE, resolution=1.0) == Loop(
         Computing(delay=2 * H, jitter=0.5 * H, missed=0.1),
-        (sensor,),
-        (estimator,),
-        (actuator,),
+        (Sensor(ANGLE, 1.0, noise=H, bias=-H, drift=H, delay=H),),
+        (Estimator((SPEED,), "eso", bandwidth=20.0, settled=False),),
+        (
+            Actuator(
+                CURRENT,
+                delay=0.5 * H,
+                gain=1.2,
+                resolution=H,
+                limit=4.0,
+                rate_limit=100.0,
+                lag=2 * H,
+                order=2,
+                dead_zone=5 * H,
+            ),
+        ),
         seed=7,
     )
-    assert loop.changed("sensor", "rotor angle", resolution=1.0) == expected
 
 
-ENCODER = """
-[[sensor]]
-of = "rotor angle"
-counts = 1024
-"""
+def test_counts_of_an_encoder_are_its_steps_in_a_turn() -> None:
+    loop = loop_of(sensor={"of": ANGLE, "counts": 1024})
+    assert loop.sensors == (Sensor(ANGLE, resolution=2 * np.pi / 1024),)
 
 
-def test_counts_of_an_encoder_are_its_steps_in_a_turn(tmp_path: Path) -> None:
-    loop = loop_of(written(tmp_path, ENCODER, PLAIN))
-    assert loop.sensors == (Sensor("rotor angle", resolution=2 * np.pi / 1024),)
+NOISY: dict[str, Any] = {
+    "computing": {"delay": "1 ms", "seed": 7},
+    "sensor": {"of": ANGLE, "noise": "1 mrad"},
+    "actuator": {"of": CURRENT, "delay": "1 ms"},
+}
+PREDICTING = {"law": "lqr", "predict": True}
+KNOWN = {"computing": {"delay": "3 ms"}}
 
 
-COUNTS_AND_RESOLUTION = """
-[[sensor]]
-of = "rotor angle"
-counts = 10
-resolution = "1 deg"
-"""
-COUNTS_OF_A_SPEED = """
-[[sensor]]
-of = "rotor speed"
-counts = 10
-"""
-RATE_IN_AMPERE = """
-[[actuator]]
-of = "current"
-rate_limit = "1 A"
-"""
-THREE_MISTAKES = """
-[computing]
-missed = 1
-[[actuator]]
-of = "current"
-limit = "0 A"
-order = 1
-[[sensor]]
-of = "rotor angle"
-noise = "1 s"
-"""
-TWO_WRONG_TIMES = """
-[computing]
-delay = "1.5 ms"
-[[sensor]]
-of = "rotor angle"
-period = "0.3 ms"
-"""
-PREDICTING = """
-[[controller]]
-law = "lqr"
-predict = true
-"""
-
-
-@pytest.mark.parametrize(
-    ("parts", "words"),
-    [
-        (
-            (COUNTS_AND_RESOLUTION, PLAIN),
-            "sensor 1: counts and resolution are the same number",
-        ),
-        ((COUNTS_OF_A_SPEED, PLAIN), "counts: rotor speed is no angle"),
-        ((PREDICTING,), "controller lqr: predict: there is no loop that it could know"),
-        ((RATE_IN_AMPERE, PLAIN), "actuator 1: rate_limit: .*A/s"),
-        # All at once.
-        ((THREE_MISTAKES, PLAIN), "(?s)missed = 1.*sensor 1: noise.*limit = 0"),
-        ((TWO_WRONG_TIMES, PLAIN), "(?s)delay = 0.0015 s.*period = 0.0003 s"),
-    ],
-)
-def test_mistakes_are_told_with_the_file(
-    parts: tuple[str, ...], words: str, tmp_path: Path
-) -> None:
-    file = written(tmp_path, *parts)
-    with pytest.raises(ArgumentError, match=words) as refused:
-        Experiment.load(file)
-    assert str(refused.value).startswith(str(file))
-
-
-@cache
-def short_bench_run() -> RunResult:
-    experiment = Experiment.load("servo/bench").changed(duration=0.05)
-    return experiment.run("physics", "implicit, predicted")
-
-
-@pytest.mark.slow
-def test_measurements_are_kept_in_files(tmp_path: Path) -> None:
-    loaded = gm.load_trajectory(short_bench_run().save(tmp_path / "run.parquet"))
-    np.testing.assert_array_equal(loaded.seen, short_bench_run().trajectory.seen)
-    assert loaded.seen is not None
-    assert not np.array_equal(loaded.seen, loaded.state[:-1])
-
-
-@pytest.mark.slow
-def test_commands_are_kept_in_files(tmp_path: Path) -> None:
-    loaded = gm.load_trajectory(short_bench_run().save(tmp_path / "run.parquet"))
-    np.testing.assert_array_equal(loaded.command, short_bench_run().trajectory.command)
-    assert not np.array_equal(loaded.command, loaded.input)
-
-
-@pytest.mark.slow
-def test_a_column_of_measurements_says_its_unit() -> None:
-    schema = short_bench_run().trajectory.to_arrow().schema
-    assert schema.field("rotor angle seen").metadata[b"unit"] == b"rad"
-    assert not [name for name in schema.names if "loop" in name]
-
-
-NOISY = """
-[computing]
-delay = "1 ms"
-seed = 7
-[[sensor]]
-of = "rotor angle"
-noise = "1 mrad"
-[[actuator]]
-of = "current"
-delay = "1 ms"
-"""
-NOISY_RUN_3 = """
-[computing]
-delay = "1 ms"
-seed = 7
-run = 3
-[[sensor]]
-of = "rotor angle"
-noise = "1 mrad"
-[[actuator]]
-of = "current"
-delay = "1 ms"
-"""
-
-
-def test_the_run_of_a_file_has_the_noise_of_that_run_of_a_batch(tmp_path: Path) -> None:
-    without_run = Experiment.load(written(tmp_path, NOISY, PLAIN))
+def test_the_run_of_a_file_has_the_noise_of_that_run_of_a_batch() -> None:
     rows = [Row("lqr", number=number) for number in range(4)]
-    ends = run_rows(without_run, rows)["last"]
+    ends = run_rows(case("servo", **NOISY), rows)["last"]
     assert len(np.unique(ends, axis=0)) == 4
 
-    third = Experiment.load(written(tmp_path, NOISY_RUN_3, PLAIN))
+    numbered: Any = NOISY | {"computing": {"delay": "1 ms", "seed": 7, "run": 3}}
+    third = case("servo", **numbered)
     np.testing.assert_array_equal(run_rows(third, [Row("lqr")])["last"][0], ends[3])
-    run = third.run("physics", "lqr").trajectory
-    np.testing.assert_array_equal(run.state[-1], ends[3])
+    np.testing.assert_array_equal(third.run("physics", "lqr").trajectory.state[-1], ends[3])
 
 
-def delays_of(file: Path) -> tuple[float, float]:
+def delays_of(experiment: Experiment) -> tuple[float, float]:
     """True delay of the computer, and the dead time that LQR knows, in timesteps."""
-    loop = Experiment.load(file).applied_loop("physics", "lqr")
+    loop = experiment.applied_loop("physics", "lqr")
     assert loop is not None
     (computer,) = loop.start.world.computer
     (setup,) = loop.start.software.setup
     return computer["delay"], setup["dead"]
 
 
-KNOWN_LOOP = """
-[known_loop]
-computing = { delay = "3 ms" }
-"""
+@pytest.mark.parametrize(("known", "delays"), [({}, (1, 2)), ({"known_loop": KNOWN}, (1, 3))])
+def test_a_predicting_law_knows_the_true_loop_or_the_one_that_its_file_names(
+    known: Any, delays: Any
+) -> None:
+    """The true one delays by the computer and the actuator, the named one by its computer alone."""
+    assert delays_of(case("servo", controller=PREDICTING, **NOISY, **known)) == delays
 
 
-def test_a_predicting_law_knows_the_true_loop(tmp_path: Path) -> None:
-    """It delays by the computer and the actuator."""
-    assert delays_of(written(tmp_path, NOISY, PREDICTING)) == (1, 2)
+def test_measurements_and_commands_are_kept_in_files(tmp_path: Path) -> None:
+    loop = Loop(sensors=(Sensor(ANGLE, noise=H),), actuators=(Actuator(CURRENT, limit=0.5),))
+    run: Any = played(np.linspace(-1, 1, 20), loop, x0=(0.4, 3.0))
+    loaded = gm.load_trajectory(run.save(tmp_path / "run.parquet"))
+    for kept in ("seen", "command", "input"):
+        np.testing.assert_array_equal(getattr(loaded, kept), getattr(run, kept))
+    assert not np.array_equal(run.seen, run.state[:-1])
+    assert not np.array_equal(run.command, run.input)
 
-
-def test_a_predicting_law_knows_the_loop_that_the_file_names(tmp_path: Path) -> None:
-    """It delays by its computer alone."""
-    assert delays_of(written(tmp_path, NOISY, KNOWN_LOOP, PREDICTING)) == (1, 3)
-
-
-NEGATIVE_RUN = """
-[computing]
-run = -1
-"""
-UNKNOWN_STATE = """
-[known_loop]
-sensor = [{ of = "rotor angel" }]
-"""
+    schema = run.to_arrow().schema
+    assert schema.field("rotor angle seen").metadata[b"unit"] == b"rad"
+    assert not [name for name in schema.names if "loop" in name]
 
 
 @pytest.mark.parametrize(
-    ("parts", "words"),
+    ("tables", "words"),
     [
-        ((NEGATIVE_RUN, PLAIN), "computing: run = -1 must be"),
         (
-            (NOISY, KNOWN_LOOP, PLAIN),
+            {"sensor": {"of": ANGLE, "counts": 10, "resolution": "1 deg"}},
+            "sensor 1: counts and resolution are the same number",
+        ),
+        ({"sensor": {"of": SPEED, "counts": 10}}, "counts: rotor speed is no angle"),
+        ({"controller": PREDICTING}, "lqr: predict: there is no loop that it could know"),
+        ({"actuator": {"of": CURRENT, "rate_limit": "1 A"}}, "actuator 1: rate_limit: .*A/s"),
+        ({"computing": {"run": -1}}, "computing: run = -1 must be"),
+        (
+            NOISY | {"known_loop": KNOWN},
             "known_loop: no controller has predict = true, so none knows its loop",
         ),
         (
-            (NOISY, UNKNOWN_STATE, PREDICTING),
-            "sensor: unknown state 'rotor angel': did you mean 'rotor angle'?",
+            NOISY | {"known_loop": {"sensor": [{"of": "angle"}]}, "controller": PREDICTING},
+            "sensor: unknown state 'angle'",
+        ),
+        # All at once.
+        (
+            {
+                "computing": {"missed": 1},
+                "actuator": {"of": CURRENT, "limit": "0 A"},
+                "sensor": {"of": ANGLE, "noise": "1 s"},
+            },
+            "(?s)missed = 1.*sensor 1: noise.*limit = 0",
+        ),
+        (
+            {"computing": {"delay": "1.5 ms"}, "sensor": {"of": ANGLE, "period": "0.3 ms"}},
+            "(?s)delay = 0.0015 s.*period = 0.0003 s",
         ),
     ],
 )
-def test_a_wrong_run_or_known_loop_is_refused(
-    parts: tuple[str, ...], words: str, tmp_path: Path
-) -> None:
-    with pytest.raises(ArgumentError) as refused:
-        Experiment.load(written(tmp_path, *parts))
-    assert words in str(refused.value)
+def test_mistakes_of_a_loop_are_told_with_the_file(tables: Any, words: str, tmp_path: Path) -> None:
+    file = write(tmp_path, "servo", **tables)
+    with pytest.raises(ArgumentError, match=words) as refused:
+        Experiment.load(file)
+    assert str(refused.value).startswith(str(file))

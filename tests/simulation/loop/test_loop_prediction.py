@@ -90,10 +90,9 @@ def test_a_load_that_the_model_lacks_is_learned() -> None:
     assert abs(error[-1] / error[0]) < 1e-3
 
 
-def predicting(loop: Loop, known: Loop | None = None) -> AppliedLoop:
+def predicting(loop: Loop) -> AppliedLoop:
     """A loop around the servo's LQR, which predicts."""
-    law = nominal().law("corrected", "lqr")
-    return apply_loop(loop, law, SERVO, predict=True, known=known)
+    return apply_loop(loop, nominal().law("corrected", "lqr"), SERVO, predict=True)
 
 
 @pytest.mark.parametrize(
@@ -115,18 +114,14 @@ def test_a_lag_counts_as_a_delay_of_its_time_constants(order: int, lag: float, s
 
 def test_the_age_of_a_measurement_is_dead_time_before_the_sample() -> None:
     loop = predicting(Loop(sensors=sensors_of_age(2)))
-    assert dead_time(loop) == 2.0
-    assert time_ahead(loop) == 0.0
+    assert (dead_time(loop), time_ahead(loop)) == (2.0, 0.0)
 
 
-def test_a_law_may_know_another_loop_than_the_real_one() -> None:
-    real = Loop(Computing(delay=4 * H))
-    loop = predicting(real, known=Loop())
-    assert dead_time(loop) == 0.0
-
-
-def cost_over_optimum(*, predict: bool) -> float:
-    """J over J* of the servo's discrete-time surface under a dead time."""
+@pytest.mark.parametrize(("predict", "low", "high"), [(True, 0.99, 1.01), (False, 10, np.inf)])
+def test_a_dead_time_costs_nothing_if_it_is_known_and_else_much(
+    predict: bool, low: float, high: float
+) -> None:
+    """J over J* of the servo's discrete-time surface."""
     experiment = nominal(switching="implicit", surface="discrete")
     law = experiment.law("corrected", "grosmc")
     loop = apply_loop(Loop(Computing(delay=5 * H)), law, SERVO, predict=predict)
@@ -135,12 +130,4 @@ def cost_over_optimum(*, predict: bool) -> float:
     optimum = metrics["cost_optimal"].value
     assert cost is not None
     assert optimum is not None
-    return cost / optimum
-
-
-def test_a_known_dead_time_costs_nothing() -> None:
-    assert 0.99 < cost_over_optimum(predict=True) < 1.01
-
-
-def test_an_unknown_dead_time_costs_much() -> None:
-    assert cost_over_optimum(predict=False) > 10
+    assert low < cost / optimum < high
