@@ -236,11 +236,11 @@ def servos(store: Store) -> Any:
 
 def _campaign(store: Store, kind: str, **more: Any) -> Any:
     """A campaign that has run to its end."""
-    import campaign_cases
+    import campaigns
 
-    declared = campaign_cases.campaign(getattr(campaign_cases, kind)(), **more)
-    path = store.folder(f"campaign_{kind}", lambda path: campaign_cases.kept(declared, path))
-    return campaign_cases.Folder(path)
+    declared = campaigns.campaign(getattr(campaigns, kind)(), **more)
+    path = store.folder(f"campaign_{kind}", lambda path: campaigns.kept(declared, path))
+    return campaigns.Folder(path)
 
 
 @pytest.fixture
