@@ -42,10 +42,10 @@ from grosmc_mj.output.results.tables import Table
 _LONGEST_CONFIGURATION = 20_000
 # Mark of a result that a later run set aside.
 _EARLIER = "from an earlier run"
-# On a narrow screen the rows of a table with so many columns of words are cards, unless a card
-# would have more lines than this: then the table scrolls sideways.
-_WORDS_OF_CARDS = 3
-_LINES_OF_A_CARD = 6
+# On a narrow screen the rows of a table with so many columns of words are cards. One of fewer
+# columns fits, and one of more scrolls sideways: a card would be longer than the screen.
+_WORDS_OF_CARDS = 2
+_LINES_OF_A_CARD = range(3, 7)
 
 
 class Page(NamedTuple):
@@ -227,7 +227,7 @@ def _study(document: Document, figures: list[PageFigure]) -> dict[str, Any]:
 def _reads_as_cards(shown: Table) -> bool:
     """Return True if the rows of a table are cards on a narrow screen."""
     words = sum(column.kind != "numbers" for column in shown.columns)
-    return words >= _WORDS_OF_CARDS and len(shown.columns) <= _LINES_OF_A_CARD
+    return words >= _WORDS_OF_CARDS and len(shown.columns) in _LINES_OF_A_CARD
 
 
 def _films(

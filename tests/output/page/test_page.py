@@ -374,6 +374,7 @@ def test_a_result_that_was_set_aside_is_marked(tmp_path: Path) -> None:
     [
         ([*words("premise"), *numbers("margin"), *verdicts(), *prose("required")], "wide stacked"),
         ([*words("case"), *numbers("lqr", "grosmc", "sign")], "wide"),
+        ([*words("servo-stable"), *prose("SUPPORTED")], "wide"),
         ([*words("a", "b", "c"), *numbers("d", "e", "f", "g")], "wide"),
     ],
 )
