@@ -4,30 +4,32 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import NamedTuple
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from case_texts import STEP, load
+from cases import case
+from steps import STEP, step
 
 from grosmc_mj.experiments.answer.document import experiment_result
 from grosmc_mj.experiments.answer.tables import requirements_table, results_table
 from grosmc_mj.experiments.experiment import Experiment, RunResult
+from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.experiments.requirements.judging import Judgement, judge_run, judge_runs
 from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.experiments.requirements.transient import SettlesWithin
 from grosmc_mj.output.results.document import json_text
 from grosmc_mj.output.results.result import Result, Value
 
-ALL = """
-settles_within = "4 s"
-band = "{} rad"
-overshoot_below = 0.5
-rms_below = "1 rad"
-stays_within = "1 rad"
-after = "1 s"
-final_error_below = "1 mrad"
-"""
+ALL = {
+    "settles_within": "4 s",
+    "overshoot_below": 0.5,
+    "rms_below": "1 rad",
+    "stays_within": "1 rad",
+    "after": "1 s",
+    "final_error_below": "1 mrad",
+}
 # e'' + 3 e' + 9 e = 0 from 1 rad at rest, which the nominal error obeys.
 TIME = np.arange(6001) * 1e-3
 WD = 3.0 * math.sqrt(0.75)
@@ -41,10 +43,9 @@ def settled(band: float) -> float:
 
 
 @pytest.fixture(scope="module", params=["corrected", "physics"])
-def step(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> RunResult:
+def stepped(request: pytest.FixtureRequest) -> RunResult:
     """A second-order step, sampled at 1 kHz, under all kinds of limits on its error."""
-    experiment = load(tmp_path_factory.mktemp("step"), STEP + ALL.format(0.2))
-    return experiment.run(request.param, "pd")
+    return step(ALL).run(request.param, "pd")
 
 
 def measured(result: RunResult, kind: str) -> float:
@@ -65,71 +66,43 @@ def measured(result: RunResult, kind: str) -> float:
         ("final_error_below", np.abs(E[TIME >= 5.4]).max(), 0.02),
     ],
 )
-def test_a_second_order_step_has_its_textbook_figures(step, kind, expected, tolerance) -> None:
+def test_a_second_order_step_has_its_textbook_figures(stepped, kind, expected, tolerance) -> None:
     """To what sampling leaves of a continuous law."""
-    assert measured(step, kind) == pytest.approx(expected, rel=tolerance)
+    assert measured(stepped, kind) == pytest.approx(expected, rel=tolerance)
 
 
 @pytest.mark.parametrize(
     ("band", "plant"), [(0.2, "corrected"), (0.05, "corrected"), (0.004, "physics")]
 )
-def test_a_second_order_step_settles_when_the_textbook_says(tmp_path, band, plant) -> None:
-    experiment = load(tmp_path, STEP + ALL.format(band))
-    result = experiment.run(plant, "pd")
-    assert measured(result, "settles_within") == pytest.approx(settled(band), abs=0.005)
+def test_a_second_order_step_settles_when_the_textbook_says(band, plant) -> None:
+    experiment = step(ALL | {"band": f"{band} rad"})
+    assert f"settles within 4 s to {band} rad" in [limit.words for limit in experiment.limits]
+    settling = measured(experiment.run(plant, "pd"), "settles_within")
+    assert settling == pytest.approx(settled(band), abs=0.005)
 
 
-def test_a_band_is_named_in_words(step: RunResult) -> None:
-    words = [limit.words for limit in step.case.limits]
-    assert "settles within 4 s to 0.2 rad" in words
-
-
-HEAVIER = """
-settles_within = "1 s"
-[[edit]]
-body = "rotor"
-mass_scale = 2
-"""
-
-
-def test_a_band_that_is_reached_late_says_how_long_the_optimum_takes(tmp_path) -> None:
-    """By the law's own error dynamics, without the lag of twice the inertia."""
-    experiment = load(tmp_path, STEP + HEAVIER)
+def judged_on_settling(plant: PlantName, **tables: Any) -> Judgement:
+    """The judgement of a step that shall settle within 1 s."""
+    experiment = step(**tables)
     (limit,) = experiment.limits
-    judgement = judge_run(limit, experiment.run("corrected", "pd"))
+    judgement = judge_run(limit, experiment.run(plant, "pd"))
     assert not judgement.kept
+    return judgement
+
+
+def test_a_band_that_is_reached_late_says_how_long_the_optimum_takes() -> None:
+    """By the law's own error dynamics, without the lag of twice the inertia."""
+    heavier = {"body": "rotor", "mass_scale": 2}
+    judgement = judged_on_settling("corrected", requirement={"settles_within": "1 s"}, edit=heavier)
     assert (judgement.measured or 0) > settled(0.02) + 0.5
     assert judgement.note == f"its nominal optimum itself: takes {settled(0.02):.3g} s"
 
 
-SHORT = """
-[plant]
-system = "servo"
-[run]
-duration = "1.5 s"
-control_period = "1 ms"
-timestep = "1 ms"
-[task]
-reference = ["1"]
-sign = -1
-Q = [1, 1]
-R = 1
-[[controller]]
-law = "pd"
-frequency = 3
-damping = 0.5
-[[requirement]]
-settles_within = "1 s"
-band = "1e-6 rad"
-"""
-
-
-def test_a_band_that_is_never_reached_says_so_of_the_optimum_too(tmp_path) -> None:
+def test_a_band_that_is_never_reached_says_so_of_the_optimum_too() -> None:
     """Poles at 3 rad/s leave 1 % of the step after 1.5 s, not a millionth."""
-    experiment = load(tmp_path, SHORT)
-    (limit,) = experiment.limits
-    judgement = judge_run(limit, experiment.run("physics", "pd"))
-    assert not judgement.kept
+    short = STEP["run"] | {"duration": "1.5 s"}
+    settles = {"settles_within": "1 s", "band": "1e-6 rad"}
+    judgement = judged_on_settling("physics", run=short, requirement=settles)
     assert judgement.measured is None
     assert judgement.note == "not reached; its nominal optimum itself: not reached"
 
@@ -151,108 +124,65 @@ FOLLOWING = [
 ]
 
 
+@cache
+def machine(name: str) -> Experiment:
+    return Experiment.load(name)
+
+
 def limits_of(experiment: Experiment) -> dict[str, Requirement]:
     """The first limit of each kind."""
     return {limit.key: limit for limit in reversed(experiment.limits)}
 
 
 @pytest.mark.parametrize("name", REGULATED + FOLLOWING)
-def test_a_machine_asks_something_of_every_law(name: str) -> None:
-    experiment = Experiment.load(name)
-    laws = set[str]().union(*(limit.laws for limit in limits_of(experiment).values()))
+def test_a_machine_asks_every_law_for_no_more_than_its_actuators_give(name: str) -> None:
+    experiment = machine(name)
+    limits = limits_of(experiment)
+    laws = set[str]().union(*(limit.laws for limit in limits.values()))
     assert laws == set(experiment.controllers)
-
-
-@pytest.mark.parametrize("name", REGULATED + FOLLOWING)
-def test_a_machines_input_may_use_the_range_of_its_actuators(name: str) -> None:
-    experiment = Experiment.load(name)
-    loop = experiment.loop
-    assert loop is not None
-    largest = max(actuator.limit for actuator in loop.actuators)
-    assert limits_of(experiment)["input_below"].number == largest
-
-
-@pytest.mark.parametrize("name", REGULATED)
-def test_a_regulated_machine_ends_within_two_steps_of_its_sensor(name: str) -> None:
-    experiment = Experiment.load(name)
-    loop = experiment.loop
-    assert loop is not None
-    system = experiment.law("physics", "lqr").coordinates.system
-    outputs = {system.states[row].name for row in system.controlled}
-    (step,) = (sensor.resolution for sensor in loop.sensors if sensor.of in outputs)
-    limit = limits_of(experiment)["final_error_below"]
-    assert limit.number == pytest.approx(2 * step, rel=0.01)
+    assert experiment.loop is not None
+    largest = max(actuator.limit for actuator in experiment.loop.actuators)
+    assert limits["input_below"].number == largest
 
 
 @pytest.mark.parametrize("name", REGULATED)
 def test_a_regulated_machine_stays_where_it_has_settled(name: str) -> None:
-    limits = limits_of(Experiment.load(name))
+    """It ends within two steps of its sensor."""
+    experiment = machine(name)
+    assert experiment.loop is not None
+    system = experiment.law("physics", "lqr").coordinates.system
+    outputs = {system.states[row].name for row in system.controlled}
+    (step,) = (sensor.resolution for sensor in experiment.loop.sensors if sensor.of in outputs)
+    limits = limits_of(experiment)
+    assert limits["final_error_below"].number == pytest.approx(2 * step, rel=0.01)
     assert limits["stays_within"].after == limits["settles_within"].number
 
 
 @pytest.mark.parametrize("name", FOLLOWING)
 def test_a_machine_that_follows_stays_in_the_band_of_its_settling(name: str) -> None:
-    limits = limits_of(Experiment.load(name))
+    """Its rms error is half its largest."""
+    limits = limits_of(machine(name))
     settles = limits["settles_within"]
     assert isinstance(settles, SettlesWithin)
     assert settles.band == limits["stays_within"].number
+    assert limits["rms_below"].number == pytest.approx(settles.band / 2, rel=0.01)
 
 
-@pytest.mark.parametrize("name", FOLLOWING)
-def test_the_rms_error_of_a_machine_that_follows_is_half_its_largest(name: str) -> None:
-    limits = limits_of(Experiment.load(name))
-    half = limits["stays_within"].number / 2
-    assert limits["rms_below"].number == pytest.approx(half, rel=0.01)
-
-
-SPEED = """
-[plant]
-system = "servo"
-[run]
-duration = "6 s"
-control_period = "1 ms"
-timestep = "1 ms"
-[task]
-outputs = { formulas = ["rotor speed"] }
-reference = ["2"]
-sign = 1
-Q = 9
-R = 1
-[laws.first]
-law = "fl-lqr"
-[[controller]]
-law = "first"
-[[requirement]]
-stays_within = "10 mrad/s"
-after = "3 s"
-"""
-
-
-def test_a_state_is_an_output_of_relative_degree_one(tmp_path) -> None:
+def test_a_state_is_an_output_of_relative_degree_one() -> None:
     """y' = v = -3 (y - 2): the speed is 2 (1 - exp(-3 t)), but for the hold at 1 kHz."""
-    run = load(tmp_path, SPEED).run("physics", "first")
+    outputs = {"formulas": ["rotor speed"]}
+    experiment = case(
+        "servo",
+        law="first",
+        laws={"first": {"law": "fl-lqr"}},
+        run=STEP["run"],
+        task={"outputs": outputs, "reference": ["2"], "sign": 1, "Q": 9, "R": 1},
+        requirement={"stays_within": "10 mrad/s", "after": "3 s"},
+    )
+    run = experiment.run("physics", "first")
     expected = 2 * (1 - np.exp(-3 * run.trajectory.time))
     assert np.abs(run.trajectory.state[:, 1] - expected).max() < 2e-3
     assert run.requirements[0].kept
-
-
-CASE = """
-[plant]
-system = "servo"
-compare = ["corrected"]
-[run]
-start = { "rotor angle" = "0.5 rad" }
-duration = "0.05 s"
-engine = "python"
-[[controller]]
-law = "lqr"
-[[controller]]
-law = "grosmc"
-[[requirement]]
-of = ["lqr"]
-input_below = "1 kA"
-stays_within = "0.1 rad"
-"""
 
 
 class Judged(NamedTuple):
@@ -268,23 +198,26 @@ class Judged(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def judged(tmp_path_factory: pytest.TempPathFactory) -> Judged:
-    experiment = load(tmp_path_factory.mktemp("judged"), CASE)
+def judged() -> Judged:
+    experiment = case(
+        "servo",
+        plant={"compare": ["corrected"]},
+        run={"start": {"rotor angle": "0.5 rad"}, "duration": "0.05 s", "engine": "python"},
+        controller=[{"law": "lqr"}, {"law": "grosmc"}],
+        requirement={"of": ["lqr"], "input_below": "1 kA", "stays_within": "0.1 rad"},
+    )
     runs = list(experiment.runs())
     return Judged(experiment, runs, judge_runs(experiment.limits, runs))
 
 
-def test_a_run_answers_which_requirement_is_nearest(judged: Judged) -> None:
-    (answer,) = judged.result().answers
+def test_a_run_answers_which_requirement_is_nearest_and_where_each_law_breaks(judged) -> None:
+    result = judged.result()
+    (answer,) = result.answers
     assert answer.verdict == "not kept"
     assert answer.words == "1 of 2 requirements is not kept"
     assert answer.more == "tightest: stays within 0.1 rad: 0.5 rad by lqr on corrected"
-
-
-def test_a_run_answers_where_each_law_breaks(judged: Judged) -> None:
-    (standing,) = judged.result().standings
-    assert standing.law == "lqr"
-    assert standing.breaks_at == "corrected"
+    (standing,) = result.standings
+    assert (standing.law, standing.breaks_at) == ("lqr", "corrected")
     assert standing.words == "stays within 0.1 rad: 0.5 rad"
 
 
@@ -303,27 +236,22 @@ def test_tables_say_which_draws_their_numbers_are_of(judged: Judged) -> None:
     assert runs.title.startswith(f"{judged.experiment.nominal.system.title}, draw 0 of 10: y = ")
 
 
-def test_a_run_that_keeps_all_requirements_is_kept(judged: Judged) -> None:
-    kept = [item for item in judged.judgements if item.kept]
-    result = judged._replace(judgements=kept).result()
-    assert result.answers[0].verdict == "kept"
-
-
-def test_a_run_without_requirements_is_kept(judged: Judged) -> None:
-    result = judged._replace(judgements=[]).result()
-    assert result.answers[0].verdict == "kept"
-
-
-def test_an_interrupted_run_is_not_decided(judged: Judged) -> None:
-    kept = [item for item in judged.judgements if item.kept]
-    result = judged._replace(judgements=kept).result(complete=False)
-    assert result.answers[0].verdict == "not decided"
-
-
-def test_a_run_without_requirements_that_ends_early_is_not_kept(judged: Judged) -> None:
-    ended = replace(judged.runs[0], ended="diverged")
-    result = judged._replace(runs=[ended], judgements=[]).result()
-    assert result.answers[0].verdict == "not kept"
+@pytest.mark.parametrize(
+    ("requirements", "complete", "ended", "verdict"),
+    [
+        ("kept", True, "", "kept"),
+        ("none", True, "", "kept"),
+        ("kept", False, "", "not decided"),
+        ("none", True, "diverged", "not kept"),
+    ],
+)
+def test_a_run_is_kept_that_is_complete_and_breaks_nothing(
+    judged: Judged, requirements: str, complete: bool, ended: str, verdict: str
+) -> None:
+    judgements = [item for item in judged.judgements if item.kept and requirements == "kept"]
+    runs = [replace(run, ended=ended) for run in judged.runs]
+    result = judged._replace(runs=runs, judgements=judgements).result(complete=complete)
+    assert result.answers[0].verdict == verdict
 
 
 @pytest.fixture(scope="module")
@@ -332,25 +260,16 @@ def values(judged: Judged) -> dict[str, Value]:
     return {value.name: value for value in judged.result().values}
 
 
-def test_a_margin_is_a_value_of_the_result(values: dict[str, Value]) -> None:
+def test_margins_and_statuses_are_values_of_the_result(values: dict[str, Value]) -> None:
     margin = values["servo/mine corrected lqr: stays within 0.1 rad, margin"]
     assert margin.value == pytest.approx(-0.4)
     assert margin.size == pytest.approx(0.5)
-    assert margin.unit == "rad"
-    assert margin.better == 1
-    assert margin.relative == 1e-6
-
-
-def test_a_status_is_a_value_of_the_result(values: dict[str, Value]) -> None:
+    assert (margin.unit, margin.better, margin.relative) == ("rad", 1, 1e-6)
     assert values["servo/mine corrected lqr: status"].value == "completed"
 
 
-def test_values_of_a_smooth_law_repeat_closely(values: dict[str, Value]) -> None:
+def test_values_of_a_switching_law_repeat_roughly_and_others_closely(judged, values) -> None:
     assert values["servo/mine corrected lqr: deviation"].relative == 1e-6
-
-
-def test_values_of_a_switching_law_repeat_roughly(judged: Judged, values: dict[str, Value]) -> None:
     deviation = values["servo/mine corrected grosmc: deviation"]
-    assert deviation.relative == 0.25
-    assert deviation.absolute == 1e-4
+    assert (deviation.relative, deviation.absolute) == (0.25, 1e-4)
     assert deviation.value == judged.runs[1].metrics["deviation"].value

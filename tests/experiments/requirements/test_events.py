@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from case_texts import STEP, load
 from event_metrics import event_metrics
+from steps import step
 
 from grosmc_mj.experiments.catalogue import chapter_controller
+from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.requirements.conditions import Conditions, RecordedRun
 from grosmc_mj.experiments.requirements.judging import judge_run
 from grosmc_mj.experiments.requirements.metrics import Metric
@@ -122,20 +122,18 @@ def test_an_angle_is_reached_from_any_number_of_turns(turns) -> None:
 
 # In a case file
 
-ASKED = """
-[[requirement]]
-reaches_within = "4 s"
-swings_below = 3
-last_peak_below = "1.2 rad"
-band = "0.02 rad"
-"""
+ASKED = {
+    "reaches_within": "4 s",
+    "swings_below": 3,
+    "last_peak_below": "1.2 rad",
+    "band": "0.02 rad",
+}
 
 
 @pytest.fixture(scope="module")
-def case(tmp_path_factory: pytest.TempPathFactory) -> Any:
+def case() -> Experiment:
     """A second-order step with damping 0.5, to 1 rad."""
-    text = STEP.split("[[requirement]]")[0] + ASKED
-    return load(tmp_path_factory.mktemp("events"), text)
+    return step(ASKED)
 
 
 def test_a_second_order_step_peaks_where_the_textbook_says(case) -> None:
@@ -189,16 +187,22 @@ def test_a_periodic_requirement_without_a_state_is_one_on_the_error_modulo_a_tur
 @pytest.mark.parametrize(
     ("table", "words"),
     [
-        ('reaches_within = "4 s"', 'give the half width of its band, such as band = "0.1 rad"'),
-        ('reaches_within = "5.9 s"\nband = "0.1 rad"', "a run of 6 s tells up to 5.4 s"),
-        ('input_below = "1 A"\nperiodic = true', "periodic is for"),
         (
-            'stays_within = "1 rad/s"\nstate = "rotor speed"\nperiodic = true',
+            {"reaches_within": "4 s"},
+            'give the half width of its band, such as band = "0.1 rad"',
+        ),
+        (
+            {"reaches_within": "5.9 s", "band": "0.1 rad"},
+            "a run of 6 s tells up to 5.4 s",
+        ),
+        ({"input_below": "1 A", "periodic": True}, "periodic is for"),
+        (
+            {"stays_within": "1 rad/s", "state": "rotor speed", "periodic": True},
             "periodic is for angles, not for rad/s",
         ),
     ],
 )
-def test_a_wrong_event_is_refused_in_a_line(tmp_path: Path, table: str, words: str) -> None:
+def test_a_wrong_event_is_refused_in_a_line(table: dict[str, Any], words: str) -> None:
     with pytest.raises(ArgumentError, match=words) as refused:
-        load(tmp_path, STEP.split("[[requirement]]")[0] + "[[requirement]]\n" + table)
+        step(table)
     assert "\n" not in str(refused.value)
