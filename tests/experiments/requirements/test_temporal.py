@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-import shutil
 import warnings
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from case_texts import STEP, load
+from cases import case
+from steps import step
 
-from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.file.shipped import find_file
+from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.requirements.always import Always
 from grosmc_mj.experiments.requirements.judging import judge_run
 from grosmc_mj.experiments.requirements.temporal_text import read_formula
@@ -66,15 +65,7 @@ FORMULAS = [
     ),
 ]
 # Random walks of 50 and of 7 samples: formulas reach beyond the end of the short ones.
-LENGTHS = (50, 50, 50, 7, 7, 7)
-LOAD = """
-[[disturbance]]
-body = "rotor"
-torque = ["0 N m", "1 N m", "0 N m"]
-profile = "pulse"
-start = "10 s"
-stop = "13 s"
-"""
+LENGTHS = (50, 50, 7)
 
 
 def of_rtamt(text: str, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -136,66 +127,92 @@ def test_the_number_of_a_formula_is_the_smallest_constant_in_it() -> None:
 # -- beside the other kinds ------------------------------------------------------------------------
 
 # A requirement of servo/case1, and the same one as a text.
-SAME = {
-    'stays_within = "20 mrad"\nafter = "5 s"': 'always = "abs(error) < 20 mrad"\nafter = "5 s"',
-    'stays_within = "9 mrad"\nafter = "5 s"': (
-        'always = "abs(rotor angle - 1 rad) < 9 mrad"\nafter = "5 s"'
+SAME = [
+    (
+        {"stays_within": "20 mrad", "after": "5 s"},
+        {"always": "abs(error) < 20 mrad", "after": "5 s"},
     ),
-    'state = "rotor speed"\nstays_within = "3 rad/s"': (
-        'always = "-3 rad/s < rotor speed < 3 rad/s"'
+    (
+        {"stays_within": "9 mrad", "after": "5 s"},
+        {"always": "abs(rotor angle - 1 rad) < 9 mrad", "after": "5 s"},
     ),
-    'final_error_below = "1 mrad"': 'always = "abs(rotor angle error) < 1 mrad"\nafter = "16.2 s"',
-    'deviation_below = "2 mrad"': 'always = "abs(deviation) < 2 mrad"',
-    'input_below = "15 A"': 'always = "abs(current) < 15 A"',
-    'sliding_below = "0.1 A s"': 'always = "abs(s) < 100 mA s"',
+    (
+        {"state": "rotor speed", "stays_within": "3 rad/s"},
+        {"always": "-3 rad/s < rotor speed < 3 rad/s"},
+    ),
+    (
+        {"final_error_below": "1 mrad"},
+        {"always": "abs(rotor angle error) < 1 mrad", "after": "16.2 s"},
+    ),
+    ({"deviation_below": "2 mrad"}, {"always": "abs(deviation) < 2 mrad"}),
+    ({"input_below": "15 A"}, {"always": "abs(current) < 15 A"}),
+    ({"sliding_below": "0.1 A s"}, {"always": "abs(s) < 100 mA s"}),
+]
+TORQUE = {
+    "body": "rotor",
+    "torque": ["0 N m", "1 N m", "0 N m"],
+    "profile": "pulse",
+    "start": "10 s",
+    "stop": "13 s",
 }
 
 
-def servo(folder: Path, *requirements: str) -> Experiment:
+def servo(*requirements: dict[str, Any]) -> Experiment:
     """servo/case1 without MuJoCo, with these requirements."""
-    tables = "".join(f"[[requirement]]\n{text}\n" for text in requirements)
-    laws = '[[controller]]\nlaw = "lqr"\n[[controller]]\nlaw = "grosmc"\n'
-    plant = '[plant]\nsystem = "servo"\ncompare = ["corrected"]\n'
-    run_table = '[run]\nduration = "18 s"\n'
-    base = find_file("servo/case1").parent / "base.toml"
-    shutil.copy(base, folder / "base.toml")
-    return load(folder, f'extends = "base.toml"\n{plant}{run_table}{LOAD}{laws}{tables}')
+    return case(
+        "servo",
+        plant={"compare": ["corrected"]},
+        run={"duration": "18 s"},
+        disturbance=TORQUE,
+        controller=[{"law": "lqr"}, {"law": "grosmc"}],
+        requirement=list(requirements),
+    )
 
 
-@pytest.mark.parametrize("requirement", SAME)
-def test_a_text_has_the_margin_of_the_kind_that_says_the_same(tmp_path, requirement) -> None:
-    experiment = servo(tmp_path, requirement, SAME[requirement])
-    kind, text = experiment.limits
-    run = experiment.run("corrected", "grosmc")
-    expected = judge_run(kind, run)
-    judgement = judge_run(text, run)
+def always(text: str) -> Experiment:
+    return servo({"always": text})
+
+
+@pytest.fixture(scope="module")
+def loaded() -> RunResult:
+    """A run of GROSMC, which a load pushes."""
+    return servo().run("corrected", "grosmc")
+
+
+@pytest.mark.parametrize(("requirement", "same"), SAME)
+def test_a_text_has_the_margin_of_the_kind_that_says_the_same(loaded, requirement, same) -> None:
+    kind, text = servo(requirement, same).limits
+    expected = judge_run(kind, loaded)
+    judgement = judge_run(text, loaded)
     assert judgement.margin == pytest.approx(expected.margin, rel=1e-9, abs=1e-12)
     assert judgement.measured == pytest.approx(expected.measured, rel=1e-9, abs=1e-12)
     assert judgement.share == pytest.approx(expected.share, rel=1e-9, abs=1e-12)
     assert text.unit == kind.unit
 
 
-def test_a_text_has_the_overshoot_of_a_step(tmp_path) -> None:
-    same = '[[requirement]]\nalways = "-error / start(error) < 0.5"\n'
-    experiment = load(tmp_path, f"{STEP}overshoot_below = 0.5\n{same}")
+def test_a_text_has_the_overshoot_of_a_step() -> None:
+    experiment = step({"overshoot_below": 0.5}, {"always": "-error / start(error) < 0.5"})
     run = experiment.run("corrected", "pd")
     overshoot, text = (judge_run(limit, run) for limit in experiment.limits)
     assert text.margin == pytest.approx(overshoot.margin, rel=1e-9)
 
 
 @pytest.mark.parametrize(("seconds", "kept"), [(4.3, True), (2.5, False)])
-def test_a_text_settles_as_settles_within_says(tmp_path, seconds, kept) -> None:
+def test_a_text_settles_as_settles_within_says(seconds, kept) -> None:
     text = f"eventually[0 s, {seconds} s] always[0 s, 4 s] abs(error) < 20 mrad"
-    experiment = servo(tmp_path, f'settles_within = "{seconds} s"', f'always = "{text}"')
+    experiment = servo({"settles_within": f"{seconds} s"}, {"always": text})
     # Evaluated at the start alone: the load comes later.
     run = experiment.changed(duration=8.5).run("corrected", "grosmc")
     assert [judge_run(limit, run).kept for limit in experiment.limits] == [kept, kept]
 
 
-def test_batches_have_the_margins_of_recorded_runs(tmp_path) -> None:
+def test_batches_have_the_margins_of_recorded_runs() -> None:
     """More runs than are recorded at once, of two laws, one of which has no surface."""
-    texts = ['always = "abs(s) < 0.1 A s"', 'always = "abs(error) < 0.5 rad or abs(current) < 4 A"']
-    experiment = servo(tmp_path, *texts, 'deviation_below = "1 rad"').changed(duration=0.3)
+    experiment = servo(
+        {"always": "abs(s) < 0.1 A s"},
+        {"always": "abs(error) < 0.5 rad or abs(current) < 4 A"},
+        {"deviation_below": "1 rad"},
+    ).changed(duration=0.3)
     starts = [experiment.changed(x0=(0.01 * i, 0.0)) for i in range(70)]
     rows = [Row(law, case=start) for law in ("lqr", "grosmc") for start in starts]
     outcomes = run_rows(experiment, rows, plant="corrected")
@@ -224,8 +241,8 @@ PLAIN = {
 
 
 @pytest.mark.parametrize("text", PLAIN)
-def test_a_bound_measures_the_extreme_itself(tmp_path, text) -> None:
-    experiment = servo(tmp_path, f'always = "{text}"').changed(duration=3.0)
+def test_a_bound_measures_the_extreme_itself(text) -> None:
+    experiment = always(text).changed(duration=3.0)
     run = experiment.run("corrected", "lqr")
     (limit,) = experiment.limits
     judgement = judge_run(limit, run)
@@ -248,8 +265,8 @@ MARGIN_ALONE = [
 
 
 @pytest.mark.parametrize("text", MARGIN_ALONE)
-def test_a_formula_that_bounds_no_one_quantity_has_a_margin_alone(tmp_path, text) -> None:
-    experiment = servo(tmp_path, f'always = "{text}"').changed(duration=1.0)
+def test_a_formula_that_bounds_no_one_quantity_has_a_margin_alone(text) -> None:
+    experiment = always(text).changed(duration=1.0)
     (limit,) = experiment.limits
     judgement = judge_run(limit, experiment.run("corrected", "lqr"))
     assert judgement.measured is None
@@ -258,17 +275,17 @@ def test_a_formula_that_bounds_no_one_quantity_has_a_margin_alone(tmp_path, text
 
 
 OFF_THE_GRID = [
-    'signal = "rotor angle"\nabove = "-1 rad"\nfrom = "0.1002 s"\nto = "0.1004 s"',
-    'always = "eventually[0.2 ms, 0.4 ms] error < 1 rad"',
-    'always = "always[100.1 ms, 100.9 ms] error < 1 rad"',
-    'always = "error < 1 rad until[5.3 ms, 5.4 ms] error < 1 rad"',
+    {"signal": "rotor angle", "above": "-1 rad", "from": "0.1002 s", "to": "0.1004 s"},
+    {"always": "eventually[0.2 ms, 0.4 ms] error < 1 rad"},
+    {"always": "always[100.1 ms, 100.9 ms] error < 1 rad"},
+    {"always": "error < 1 rad until[5.3 ms, 5.4 ms] error < 1 rad"},
 ]
 
 
 @pytest.mark.parametrize("table", OFF_THE_GRID)
-def test_a_window_between_two_samples_is_refused(tmp_path, table) -> None:
+def test_a_window_between_two_samples_is_refused(table) -> None:
     with pytest.raises(ArgumentError, match=r"no sample is between .*: one comes each 0\.001 s"):
-        servo(tmp_path, table)
+        servo(table)
 
 
 @pytest.mark.parametrize(("begin", "end"), [(0.0002, 0.0034), (0.001, 0.003), (0.0006, 0.0039)])
@@ -329,22 +346,22 @@ WRONG = {
 
 
 @pytest.mark.parametrize("text", WRONG)
-def test_a_wrong_text_is_refused_in_one_line(tmp_path, text) -> None:
+def test_a_wrong_text_is_refused_in_one_line(text) -> None:
     with pytest.raises(ArgumentError) as refusal:
-        servo(tmp_path, f'always = "{text}"')
+        always(text)
     assert WRONG[text] in str(refusal.value)
     assert "\n" not in str(refusal.value)
 
 
-def test_s_is_asked_of_laws_with_a_surface_only(tmp_path) -> None:
+def test_s_is_asked_of_laws_with_a_surface_only() -> None:
     with pytest.raises(ArgumentError, match="no law that it is asked of has a surface"):
-        servo(tmp_path, 'of = ["lqr"]\nalways = "abs(s) < 1 A s"')
-    (limit,) = servo(tmp_path, 'always = "abs(s) < 1 A s"').limits
+        servo({"of": ["lqr"], "always": "abs(s) < 1 A s"})
+    (limit,) = always("abs(s) < 1 A s").limits
     assert limit.laws == ("grosmc",)
 
 
-def test_a_run_in_which_a_quotient_is_undefined_does_not_keep_it(tmp_path) -> None:
-    experiment = servo(tmp_path, 'always = "error / (error - error) < 1"').changed(duration=0.1)
+def test_a_run_in_which_a_quotient_is_undefined_does_not_keep_it() -> None:
+    experiment = always("error / (error - error) < 1").changed(duration=0.1)
     (limit,) = experiment.limits
     judgement = judge_run(limit, experiment.run("corrected", "lqr"))
     assert (judgement.measured, judgement.kept) == (math.inf, False)
