@@ -9,6 +9,7 @@ from grosmc_mj.experiments.assumptions.growth import growth
 from grosmc_mj.experiments.assumptions.loads import idle_loads
 from grosmc_mj.experiments.assumptions.matching import unmatched
 from grosmc_mj.experiments.experiment import Experiment, RunResult
+from grosmc_mj.experiments.laws.packaged import follows_weights
 from grosmc_mj.experiments.requirements.judging import unfailing
 from grosmc_mj.experiments.weights import weights_in_words
 from grosmc_mj.ground.errors import name_list
@@ -194,13 +195,18 @@ def _names_left_out(experiment: Experiment, results: Sequence[RunResult]) -> Ite
     for result in results:
         law = result.controller
         Q = _weight(experiment, law.name, "Q")
-        if law.design is None or not isinstance(Q, dict):
+        if law.design is None or not isinstance(Q, dict) or not _follows(experiment, law.name):
             continue
         left_out = [name for name in law.design.error.names if name not in Q]
         if left_out:
             laws.setdefault(name_list(left_out), []).append(law.name)
     for names, of_laws in laws.items():
         yield f"Q of {', '.join(of_laws)} leaves out {names}: weight 0"
+
+
+def _follows(experiment: Experiment, law: str) -> bool:
+    """Whether a law depends on its weights, which otherwise only weigh its runs."""
+    return follows_weights(experiment.file.law(law), experiment.nominal)
 
 
 def _weight(experiment: Experiment, law: str, key: str) -> Any:
@@ -219,8 +225,10 @@ def _weights_by_order(experiment: Experiment, results: Sequence[RunResult]) -> I
     laws: dict[str, list[str]] = {}
     for result in results:
         law = result.controller
+        if law.design is None or not _follows(experiment, law.name):
+            continue
         weights = [_weight(experiment, law.name, key) for key in ("Q", "R")]
-        if law.design is not None and any(isinstance(weight, list) for weight in weights):
+        if any(isinstance(weight, list) for weight in weights):
             laws.setdefault(weights_in_words(law.design), []).append(law.name)
     for words, names in laws.items():
         yield f"weights of {', '.join(names)}, by the order of the list: {words}"

@@ -9,6 +9,7 @@ from typing import Any
 from grosmc_mj.experiments.file.numbers import UNITS, law_number
 from grosmc_mj.experiments.file.schema import ControllerTable
 from grosmc_mj.experiments.file.user_code import blamed, load_named
+from grosmc_mj.experiments.laws.law_source import refuse_other_arguments, refuse_unwritten_inputs
 from grosmc_mj.experiments.laws.packaged import packaged_controller, refuse_memory
 from grosmc_mj.experiments.laws.request import LawRequest
 from grosmc_mj.ground.errors import ArgumentError, GrosmcError, one_line
@@ -61,6 +62,8 @@ def _linear_system(request: LawRequest, system: Any, numbers: dict[str, Any]) ->
 def _custom_law(request: LawRequest, law: Any, numbers: dict[str, Any]) -> Controller:
     """Make a controller of a law (t, x, memory, p, u)."""
     table = request.table
+    refuse_other_arguments(law)
+    refuse_unwritten_inputs(law, [signal.name for signal in request.nominal.system.inputs])
     optimum = _optimum_for_users_law(request)
     parameters = {name: value for name, value in numbers.items() if name not in WEIGHTS}
     memory = {name: law_number(f"memory: {name}", value) for name, value in table.memory.items()}
@@ -94,8 +97,11 @@ def _made_by_function(request: LawRequest, function: Any, numbers: dict[str, Any
     try:
         inspect.signature(function).bind(*arguments, **numbers)
     except TypeError as error:
+        given = ["the nominal plant" for _ in arguments] + list(numbers)
         raise ArgumentError(
-            f"{name} cannot be called with {list(numbers) or 'no numbers'}: {error}"
+            f"{name}{inspect.signature(function)} cannot be called with "
+            f"{' and '.join(given) or 'no numbers'}: {error}; a function that makes a controller "
+            "takes the nominal plant, then numbers by the names of its arguments"
         ) from None
     try:
         with blamed(request.folder):

@@ -15,7 +15,7 @@ from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.errors import ArgumentError, name_list, unknown_name, value_text
 from grosmc_mj.theory.control.controller import Controller
 from grosmc_mj.theory.control.kinds import KINDS
-from grosmc_mj.theory.control.kinds.kind import LawKind, Where
+from grosmc_mj.theory.control.kinds.kind import WEIGHTS, LawKind, Where
 from grosmc_mj.theory.control.law_number import LawNumber
 from grosmc_mj.theory.control.switching import SWITCHINGS
 from grosmc_mj.theory.control.task import Task, state_task
@@ -89,6 +89,19 @@ def knows_limits(table: ControllerTable, nominal: NominalPlant) -> bool:
     """
     kind = kinds_of(nominal).get(table.law)
     return kind is not None and kind.takes_limits and "limit" not in table.numbers
+
+
+def follows_weights(table: ControllerTable, nominal: NominalPlant) -> bool:
+    """Whether a law depends on Q and R; of a user's own one, whether its table gives one of them.
+
+    Args:
+        table: Law and numbers of the controller.
+        nominal: The nominal plant.
+    """
+    kind = kinds_of(nominal).get(table.law)
+    if kind is None:
+        return any(name in table.numbers for name in WEIGHTS)
+    return kind.follows_weights
 
 
 def _kind_or_refusal(request: LawRequest) -> type[LawKind]:
