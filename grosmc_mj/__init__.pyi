@@ -1,6 +1,6 @@
 from . import environments, simulation, studies
 from .experiments.catalogue import chapter_controller
-from .experiments.experiment import Experiment, judge
+from .experiments.experiment import Experiment
 from .experiments.many import run_many
 from .ground import errors
 from .ground.errors import GrosmcError
@@ -20,6 +20,7 @@ from .simulation.disturbances import (
 from .simulation.simulate import simulate
 from .simulation.trajectory import Trajectory, load_trajectory
 from .studies.campaign.campaign import Campaign
+from .studies.judging import judge
 from .theory import control, plants
 from .theory.control.controller import Controller, custom_controller
 from .theory.control.coordinates.feedback_linearization import feedback_linearization

@@ -1,5 +1,5 @@
 from .catalogue import chapter_controller
-from .experiment import Experiment, judge
+from .experiment import Experiment
 from .many import run_many
 
-__all__ = ["Experiment", "chapter_controller", "judge", "run_many"]
+__all__ = ["Experiment", "chapter_controller", "run_many"]

@@ -951,19 +951,6 @@ def _with_unit(metric: Metric) -> str:
     return f"{metric.value:.4g}{unit_after(metric.unit)}"
 
 
-def judge(target: str | Path | Experiment) -> list[Judgement]:
-    """Run an experiment, and judge every run by every requirement.
-
-    Args:
-        target: ``system/case`` of the package, the path of a case file, or an experiment.
-
-    Raises:
-        GrosmcError: If the file is wrong, or a user's own law fails.
-    """
-    experiment = target if isinstance(target, Experiment) else Experiment.load(target)
-    return judge_runs(experiment.limits, list(experiment.runs()))
-
-
 def _designs_for(file: CaseFile, system: System) -> dict[Any, Controller]:
     """Return the designs of a file's laws so far: files with one task and plant share them."""
     if file.plant.system is None or named_in(file):

@@ -12,7 +12,7 @@ from grosmc_mj.experiments.requirements.measurement import signal_units
 from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.experiments.requirements.signals import named_units
 from grosmc_mj.ground.arguments import require_known
-from grosmc_mj.ground.errors import ArgumentError, Mistakes, value_text
+from grosmc_mj.ground.errors import ArgumentError, Mistakes, name_list, value_text
 from grosmc_mj.ground.units import number_in
 from grosmc_mj.theory.control.controller import Controller
 
@@ -90,7 +90,8 @@ def requirement_of(
         options["unit"] = unit
         options["after"] = kind.holds_from(table.after, duration)
         if value is not True:
-            options["number"] = _positive(kind.key, value, unit)
+            owner = _owner_of(kind.quantity, error, signal)
+            options["number"] = _positive(kind.key, value, unit, owner)
     return kind(
         written=_written(value, unit),
         laws=of,
@@ -130,9 +131,21 @@ def _unit_of(quantity: str, error: Any, laws: Sequence[Controller], signal: str)
     return quantity
 
 
-def _positive(key: str, value: Any, unit: str) -> float:
-    """Return the number of a limit in a unit; times are numbers already."""
-    number = float(value) if unit == "s" else number_in(value, unit)
+def _owner_of(quantity: str, error: Any, signal: str) -> str:
+    """Return the names of that whose unit a limit has; empty for a unit of its own."""
+    if quantity == "input":
+        return name_list(dict.fromkeys(signal.name for signal in error.system.inputs))
+    return signal if quantity == "output" else ""
+
+
+def _positive(key: str, value: Any, unit: str, owner: str = "") -> float:
+    """Return the number of a limit in a unit, that of its owner; times are numbers already."""
+    try:
+        number = float(value) if unit == "s" else number_in(value, unit)
+    except ArgumentError as error:
+        if not owner:
+            raise
+        raise ArgumentError(f"{error} (the unit of {owner} is {unit or 1})") from None
     if not number > 0:
         raise ArgumentError(f"{value_text(value)} must be positive")
     return number

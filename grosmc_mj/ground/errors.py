@@ -206,6 +206,17 @@ def value_text(value: Any, written: Callable[[Any], str] = repr) -> str:
     return line
 
 
+def array_text(array: Any) -> str:
+    """Write an array of numbers for a message, as its list with four digits of each number."""
+    values = array.tolist() if hasattr(array, "tolist") else array
+    if isinstance(values, list | tuple):
+        return f"[{', '.join(map(array_text, values))}]"
+    if isinstance(values, int | float | complex):
+        return format(values, ".4g")
+    # Matrices of equations have symbols.
+    return str(values)
+
+
 def one_line(text: str) -> str:
     """Write a text on one line, with escapes in place of characters that do not print."""
     line = " ".join(text.split())

@@ -243,7 +243,7 @@ OWNS = [
     (controlled("math:sin"), "math is a module of Python itself"),
     (controlled("own:law", **{"class": 4}), "'class' cannot be the name of a number"),
     (controlled("own:wrong"), "own:wrong is a int, must be a law (t, x, memory, p, u)"),
-    (controlled("own:pendulum", a=4), "own:pendulum cannot be called with ['a']"),
+    (controlled("own:pendulum", a=4), "own:pendulum() cannot be called with a: "),
     ({"edit": {"parameter": "k", "scale": 1.5}}, "unknown parameter 'k': valid: m"),
     ({"edit": {"body": "rod", "mass_scale": 2}}, "edit a parameter"),
     ({"edit": {"known": True, "parameter": "m", "scale": 2}}, "edit 1: known is for a model"),

@@ -23,7 +23,7 @@ from grosmc_mj.cli.command import (
 )
 from grosmc_mj.cli.films import FOLDER, film_runs
 from grosmc_mj.cli.targets import result_name
-from grosmc_mj.ground.errors import ArgumentError, GrosmcError
+from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.ground.files import name_in_files
 from grosmc_mj.ground.wording import counted
 
@@ -256,14 +256,6 @@ def _check(experiment: Experiment) -> None:
         from grosmc_mj.chapter.claims.ledger import cited_claims
 
         cited_claims(experiment)
-    if experiment.file.uncertain:
-        from grosmc_mj.studies.sweep.family import family_of
+    from grosmc_mj.studies.judging import refuse_unjudgeable
 
-        try:
-            family_of(experiment.file, experiment)
-        except GrosmcError as error:
-            raise ArgumentError(f"{experiment.path}: {error}") from error
-
-    if experiment.not_judged and not experiment.limits:
-        notes = "; ".join(line.removeprefix("not judged: ") for line in experiment.not_judged)
-        raise ArgumentError(f"{experiment.path}: no requirement can be judged: {notes}")
+    refuse_unjudgeable(experiment)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from grosmc_mj.ground.arguments import reals
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.ground.errors import ArgumentError, GainError, value_text
+from grosmc_mj.ground.errors import ArgumentError, GainError, array_text, value_text
 from grosmc_mj.theory.control.modes import unreached_modes
 
 
@@ -138,7 +138,7 @@ def lqr_of_states(
     # Q does not weigh the mode of a pole on the axis; rounding puts the pole within this of zero.
     rounding = 1e-9 * max(1.0, float(np.abs(A).max()))
     if design.poles.real.max() > -rounding:
-        reason = f"closed-loop poles {design.poles.tolist()}"
+        reason = f"closed-loop poles {array_text(design.poles)}"
         raise GainError(_unsolvable(A, B, Q, reason, names))
     return design
 
@@ -168,7 +168,7 @@ def design_of_gain(
     A, B, Q, R = _checked(A, B, Q, R)
     closed = A - B @ K
     if np.linalg.eigvals(closed).real.max() >= 0:
-        raise GainError(f"K = {K.tolist()} does not stabilize A - B K")
+        raise GainError(f"K = {array_text(K)} does not stabilize A - B K")
 
     weight = Q + K.T @ R @ K
     P = scipy.linalg.solve_continuous_lyapunov(closed.T, -weight)
@@ -203,9 +203,9 @@ def _checked(
     size = max(1.0, float(np.abs(state_weight).max()))
     rounding = 1e-12 * size
     if np.linalg.eigvalsh(state_weight).min() < -rounding:
-        raise GainError(f"LQR: Q must be positive semidefinite, is {state_weight.tolist()}")
+        raise GainError(f"LQR: Q must be positive semidefinite, is {array_text(state_weight)}")
     if np.linalg.eigvalsh(input_weight).min() <= 0:
-        raise GainError(f"LQR: R must be positive definite, is {input_weight.tolist()}")
+        raise GainError(f"LQR: R must be positive definite, is {array_text(input_weight)}")
     return state, input_matrix, state_weight, input_weight
 
 
@@ -235,7 +235,7 @@ def _unsolvable(
         names = names or [f"x{index}" for index in range(1, len(A) + 1)]
         return f"LQR: {unreached[0].unreached(names)}: no feedback holds it"
     return (
-        f"LQR: no stabilizing solution of the Riccati equation for A = {A.tolist()}, "
-        f"B = {B.tolist()}, Q = {Q.tolist()}: (A, B) must be stabilizable and (A, Q) detectable "
-        f"({reason})"
+        f"LQR: no stabilizing solution of the Riccati equation for A = {array_text(A)}, "
+        f"B = {array_text(B)}, Q = {array_text(Q)}: (A, B) must be stabilizable and (A, Q) "
+        f"detectable ({reason})"
     )

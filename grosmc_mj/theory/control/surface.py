@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from grosmc_mj.ground.arguments import reals
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.compilation.jitable import jitable
-from grosmc_mj.ground.errors import GainError, value_text
+from grosmc_mj.ground.errors import GainError, array_text, value_text
 from grosmc_mj.theory.control.lqr import LqrDesign
 from grosmc_mj.theory.control.matrices import row_times
 
@@ -114,5 +114,5 @@ def surface_matrix(G: ArrayLike | None, B: Array) -> Array:
     # Compared with |G| |B|, the most that G B could be: every 1x1 G B has condition number one.
     rounding = 1e-12 * np.linalg.norm(projection) * np.linalg.norm(B)
     if not least > rounding:
-        raise GainError(f"G B = {GB.tolist()} is singular, so s' cannot be steered: choose G")
+        raise GainError(f"G B = {array_text(GB)} is singular, so s' cannot be steered: choose G")
     return projection

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.ground.errors import ArgumentError, PremiseError, value_text
+from grosmc_mj.ground.errors import ArgumentError, PremiseError, array_text, value_text
 from grosmc_mj.ground.fields import Finite, Is, Range, Reals, checked_call
 from grosmc_mj.theory.plants.plant import AT_REST, Plant
 
@@ -79,10 +79,11 @@ def equilibrium(
     at_rest = np.abs(rates).max() <= AT_REST
     if limited or not at_rest:
         values = ", ".join(f"{system.states[i].name} = {value:g}" for i, value in held.items())
-        limits = f" under inputs cut to {low.tolist()} ... {high.tolist()}" if limited else ""
+        limits = f" under inputs cut to {array_text(low)} ... {array_text(high)}" if limited else ""
         raise PremiseError(
-            f"{system.name} rests nowhere near x = {start.tolist()} with {values or 'any state'}: "
-            f"the least x' is {rates.tolist()}{limits}; hold other states, or begin elsewhere"
+            f"{system.name} rests nowhere near x = {array_text(start)} with "
+            f"{values or 'any state'}: the least x' is {array_text(rates)}{limits}; hold "
+            "other states, or begin elsewhere"
         )
     return point
 

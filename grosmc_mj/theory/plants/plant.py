@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from grosmc_mj.ground.arguments import real, reals, require_known
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.ground.errors import ArgumentError, ModelError, value_text
+from grosmc_mj.ground.errors import ArgumentError, ModelError, array_text, value_text
 from grosmc_mj.ground.fields import Known, checked
 from grosmc_mj.theory.plants.system import Model, System, Variant
 
@@ -106,10 +106,10 @@ class Plant(ABC):
         state, inputs = self.operating_point(x, u)
         rates = self.derivative(state, inputs)
         if np.abs(rates).max() > AT_REST:
-            point = np.concatenate([state, inputs]).tolist()
+            point = array_text(np.concatenate([state, inputs]))
             raise ArgumentError(
-                f"{self.system.name}: [x, u] = {point} is no equilibrium: x' = {rates.tolist()}, "
-                f"must be zero within {AT_REST:g}"
+                f"{self.system.name}: [x, u] = {point} is no equilibrium: x' = "
+                f"{array_text(rates)}, must be zero within {AT_REST:g}"
             )
         return self.jacobian(state, inputs)
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from grosmc_mj.experiments.assumptions.audit import ROUNDING, run_audit
-from grosmc_mj.experiments.experiment import Experiment, RunResult, judge
+from grosmc_mj.experiments.experiment import Experiment, RunResult
+from grosmc_mj.studies.judging import judge
 
 # Cases whose model another package ships.
 PACKAGES = {"cartpole/heavier": "dm_control", "inverted_pendulum/heavier": "gymnasium"}

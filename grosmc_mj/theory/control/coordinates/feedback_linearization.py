@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.compilation.codegen import generate
-from grosmc_mj.ground.errors import PremiseError, value_text
+from grosmc_mj.ground.errors import PremiseError, array_text, value_text
 from grosmc_mj.ground.fields import Is, checked_call
 from grosmc_mj.theory.control.coordinates.base import Chains
 from grosmc_mj.theory.plants.equations import Equations, Expressions
@@ -57,7 +57,8 @@ class ZeroDynamics:
         slope = self._at_zero(rates.jacobian(self.states), values)
         if np.abs(rates_at_zero).max() > _ROUNDING:
             raise PremiseError(
-                f"the zero dynamics are not at rest at zero: rates {rates_at_zero.ravel().tolist()}"
+                "the zero dynamics are not at rest at zero: rates "
+                f"{array_text(rates_at_zero.ravel())}"
             )
         return np.linalg.eigvals(slope).astype(complex)
 
@@ -147,7 +148,7 @@ class FeedbackLinearization(Chains):
         single = self.equations.inputs == 1
         E = self.E[0] if single else self.E.tolist()
         raise PremiseError(
-            f"feedback linearization is not possible about x = {np.round(x, 9).tolist()}: the "
+            f"feedback linearization is not possible about x = {array_text(np.round(x, 9))}: the "
             f"decoupling matrix E = {value_text(E, str)} of {', '.join(map(str, self.h))}, of "
             f"relative degree {self.relative_degree}, is singular there (eq. (21)). Possible are "
             "lqr and linear-grosmc on the linearization, about an operating point ([plant] at, a "
@@ -224,7 +225,9 @@ class FeedbackLinearization(Chains):
             missed = np.inf
         size = max(1.0, float(np.abs(z).max()))
         if missed > 1e-9 * size:
-            raise PremiseError(f"no state near {np.asarray(guess).tolist()} has z = {z.tolist()}")
+            raise PremiseError(
+                f"no state near {array_text(np.asarray(guess))} has z = {array_text(z)}"
+            )
         return x
 
     # Asked at every state of a grid.
@@ -315,7 +318,7 @@ def _linearized(equations: Equations, outputs: tuple[sp.Expr, ...]) -> FeedbackL
     matrix = sp.ImmutableMatrix(E)
     if is_zero(_determinant(matrix), equations):
         raise PremiseError(
-            f"the decoupling matrix E(x) = {matrix.tolist()} is singular everywhere, so the "
+            f"the decoupling matrix E(x) = {array_text(matrix)} is singular everywhere, so the "
             f"vector relative degree {tuple(degrees)} is not defined (eq. (21))"
         )
     return FeedbackLinearization(

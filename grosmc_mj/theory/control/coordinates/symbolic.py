@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from grosmc_mj.ground.arguments import reals
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.compilation.jitable import jitable
-from grosmc_mj.ground.errors import ArgumentError, GainError, PremiseError, value_text
+from grosmc_mj.ground.errors import ArgumentError, GainError, PremiseError, array_text, value_text
 from grosmc_mj.ground.fields import Is
 from grosmc_mj.theory.control.coordinates.base import InputMap, OutputCoordinates, StateMap
 from grosmc_mj.theory.control.coordinates.design_model import Advance, DesignModel, midpoint
@@ -297,7 +297,8 @@ class ErrorCoordinates(OutputCoordinates):
         if np.abs(alpha).max() > _AT_REST:
             raise GainError(
                 f"{self.system.name}: zero error is no equilibrium without input, "
-                f"z' = {alpha.tolist()} there: linearize by feedback instead"
+                f"z' = {array_text(alpha)} there: linearize by feedback, as fl-lqr does instead of "
+                "lqr"
             )
 
         # alpha + E u depends on z through x = T^-1(z), at u = 0; a sign of z cancels.
@@ -327,7 +328,7 @@ class ErrorCoordinates(OutputCoordinates):
         finite = np.all(np.isfinite(slope_of_T))
         if not finite or np.linalg.matrix_rank(slope_of_T) < self.size:
             raise PremiseError(
-                f"{name}: the outputs' errors do not determine the state at x = {x.tolist()}: "
+                f"{name}: the outputs' errors do not determine the state at x = {array_text(x)}: "
                 "name an operating point with [plant] at, or linearize by feedback"
             )
         return slope_of_T, slope_of_K[:, outer]

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.compilation.jitable import jitable
-from grosmc_mj.ground.errors import ArgumentError, GainError
+from grosmc_mj.ground.errors import ArgumentError, GainError, array_text
 from grosmc_mj.ground.fields import Is, checked
 from grosmc_mj.theory.control.controller import (
     Controller,
@@ -295,7 +295,7 @@ def _of_each_output(name: str, value: Any, m: int) -> Array:
     """Gain of each output, (m,)."""
     gain = np.asarray(value, float)
     if gain.shape not in ((), (m,)):
-        raise ArgumentError(f"pid: {name} = {gain.tolist()} must be a number or {m} numbers")
+        raise ArgumentError(f"pid: {name} = {array_text(gain)} must be a number or {m} numbers")
     return np.broadcast_to(gain, m).copy()
 
 
