@@ -165,7 +165,7 @@ def test_a_machine_that_follows_stays_in_the_band_of_its_settling(name: str) -> 
     settles = limits["settles_within"]
     assert isinstance(settles, SettlesWithin)
     assert settles.band == limits["stays_within"].number
-    assert limits["rms_below"].number == pytest.approx(settles.band / 2, rel=0.01)
+    assert limits["rms_below"].number == pytest.approx((settles.band or 0) / 2, rel=0.01)
 
 
 def test_a_state_is_an_output_of_relative_degree_one() -> None:

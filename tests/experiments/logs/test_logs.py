@@ -49,15 +49,11 @@ def of_column(signal: str, **numbers: Any) -> dict[str, Any]:
 WRAPPED = (ANGLE + np.pi) % (2 * np.pi) - np.pi
 
 
-def test_a_periodic_angle_has_no_jumps(tmp_path: Path) -> None:
-    log = read(tmp_path, of_column("rotor angle", periodic=True), WRAPPED)
+@pytest.mark.parametrize(("unit", "angle"), [("rad", WRAPPED), ("deg", np.degrees(WRAPPED))])
+def test_a_periodic_angle_has_no_jumps(tmp_path: Path, unit: str, angle: Array) -> None:
+    log = read(tmp_path, of_column("rotor angle", periodic=True, unit=unit), angle)
     assert log.states["rotor angle"] == pytest.approx(ANGLE)
     assert log.notes == []
-
-
-def test_a_periodic_angle_in_degrees_has_no_jumps(tmp_path: Path) -> None:
-    table = of_column("rotor angle", periodic=True, unit="deg")
-    assert read(tmp_path, table, np.degrees(WRAPPED)).states["rotor angle"] == pytest.approx(ANGLE)
 
 
 def test_jumps_of_a_turn_are_noted_with_their_cure(tmp_path: Path) -> None:
@@ -167,6 +163,7 @@ MATLAB: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 }
 
 
+@pytest.mark.usefixtures("reader_in_this_process")
 @pytest.mark.parametrize(("content", "table"), MATLAB.values(), ids=MATLAB)
 def test_a_matlab_file_is_read(
     tmp_path: Path, content: dict[str, Any], table: dict[str, Any]
@@ -179,6 +176,7 @@ def test_a_matlab_file_is_read(
     assert log.states["rotor angle"].tolist() == ANGLE.tolist()
 
 
+@pytest.mark.usefixtures("reader_in_this_process")
 def test_columns_of_other_lengths_than_the_time_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "log.mat"
     savemat(path, {"t": TIME, "current": CURRENT[:-1], "rotor_angle": ANGLE})
@@ -186,6 +184,7 @@ def test_columns_of_other_lengths_than_the_time_are_refused(tmp_path: Path) -> N
         read_log(path, SERVO, None)
 
 
+@pytest.mark.usefixtures("reader_in_this_process")
 @pytest.mark.parametrize("content", [b"", b"MATLAB 5.0", b"\0" * 200])
 def test_a_damaged_matlab_file_is_one_line(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "log.mat"
