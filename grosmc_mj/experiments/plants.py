@@ -18,6 +18,7 @@ from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.errors import ArgumentError, PremiseError, SetupError, value_text
 from grosmc_mj.ground.files import is_there
 from grosmc_mj.mechanics.physics.edit import Edit
+from grosmc_mj.mechanics.physics.edits import InputEdit
 from grosmc_mj.mechanics.physics.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.theory.plants import (
     SYSTEMS,
@@ -163,6 +164,7 @@ def nominal_plant(file: CaseFile, folder: Path) -> NominalPlant:
             )
         spec = nominal.plant.spec
         known = edits_of(file, nominal.system, known=True, model=spec)
+        _refuse_known_gear(nominal, known)
         return _with_known(nominal, known)
 
     if any(getattr(file, kind) for kind in MACHINE_PARTS):
@@ -174,6 +176,25 @@ def nominal_plant(file: CaseFile, folder: Path) -> NominalPlant:
     for scale in scales:
         require_known("parameter", scale.parameter, vars(nominal.plant.parameters), "edit: ")
     return replace(nominal, scales=scales)
+
+
+def _refuse_known_gear(nominal: NominalPlant, known: tuple[Edit, ...]) -> None:
+    """Refuse a gear that laws with the computed torque would know: their input is the torque.
+
+    Raises:
+        ArgumentError: With the input.
+    """
+    robot = nominal.robot
+    if robot is None or robot.underactuated:
+        return
+    for edit in known:
+        if isinstance(edit, InputEdit):
+            raise ArgumentError(
+                f"edit of {edit.input!r}: known = true of a gear is not for a model of your own "
+                "all of whose joints are driven: its laws give torques at the joints, with the "
+                "MJCF's gear in their limits; leave known out, and the gear is a change of the "
+                "plant"
+            )
 
 
 # A model is compiled once for all experiments on it.

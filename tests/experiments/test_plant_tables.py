@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from campaign_cases import run
-from case_texts import MAGLEV, OWN, STEP, load, written
+from case_texts import LEG_MODEL, MAGLEV, OWN, STEP, load, written
 
+import grosmc_mj as gm
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.shipped import shipped_files
 from grosmc_mj.experiments.requirements.requirement import Requirement
@@ -346,3 +347,31 @@ def test_a_shipped_case_is_plausible(name: str) -> None:
 @each_shipped_case
 def test_a_shipped_case_requires_something(name: str) -> None:
     assert shipped_case(name).limits
+
+
+KNOWN_GEAR = """
+[plant]
+model = "leg.xml"
+[run]
+duration = "0.01 s"
+[task]
+Q = {{ hip = 1, knee = 1 }}
+R = 1
+[[edit]]
+input = "hip"
+gear = 0.5
+known = {known}
+[[controller]]
+law = "lqr"
+"""
+
+
+def test_a_gear_that_the_laws_of_a_robot_would_not_use_is_no_known_one(tmp_path: Path) -> None:
+    """Their input is the torque at the joint: a law that ignored a known gear would fail."""
+    (tmp_path / "leg.xml").write_text(LEG_MODEL, encoding="utf-8")
+    path = tmp_path / "leg.toml"
+    path.write_text(KNOWN_GEAR.format(known="false"), encoding="utf-8")
+    assert gm.Experiment.load(path).edits
+    path.write_text(KNOWN_GEAR.format(known="true"), encoding="utf-8")
+    with pytest.raises(gm.GrosmcError, match="known = true of a gear is not for a model"):
+        gm.Experiment.load(path)
