@@ -74,7 +74,7 @@ def state_of(model: mujoco.MjModel) -> tuple[mujoco.MjData, Array]:
     return data, np.concatenate([data.qpos, data.qvel])
 
 
-MODELS = [pytest.param(partial(random_tree, seed), id=f"tree {seed}") for seed in range(200)]
+MODELS = [pytest.param(partial(random_tree, seed), id=f"tree {seed}") for seed in range(60)]
 MODELS += [pytest.param(jaco_arm, id="jaco"), pytest.param(two_link_arm, id="two-link arm")]
 each_model = pytest.mark.parametrize("make", MODELS)
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
+import cases
 import commands
 import mujoco
 import numpy as np
@@ -16,36 +18,72 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ModelError
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
-from grosmc_mj.mechanics.robots.nominal import bias, inertia
+from grosmc_mj.mechanics.robots.nominal import inertia
 from grosmc_mj.mechanics.robots.robot import Robot
 from grosmc_mj.simulation.simulate import simulate
 
-# Drives with lags and delays
+# Drives with lags and delays.
 
-IDEAL = '<motor name="drive" joint="hinge" gear="2" ctrlrange="-10 10"/>'
 LIMITED_LAG = (
     '<general name="drive" joint="hinge" dyntype="filterexact" dynprm="0.02" gainprm="4" gear="-2" '
     'actlimited="true" actrange="-1 2" ctrlrange="-3 5"/>'
 )
-LAG_AND_DELAY = (
-    '<general name="drive" joint="hinge" dyntype="filterexact" dynprm="0.02" gainprm="4" gear="-2" '
-    'ctrlrange="-3 5" delay="0.012" nsample="15"/>'
-)
+LAG_AND_DELAY = LAG.replace("/>", ' delay="0.012" nsample="15"/>')
 SERVO = (
     '<position name="drive" joint="hinge" kp="30" kv="2" timeconst="0.02" gear="2" '
     'ctrlrange="-1 1" forcerange="-4 4"/>'
 )
 PID = '<pid name="drive" joint="hinge" kp="30" ki="4" kv="2" delay="0.012" nsample="15"/>'
+
+
+class Drive(NamedTuple):
+    """A drive of a link, whose lag is 20 ms if it has one.
+
+    Attributes:
+        actuator: Its element.
+        note: Words on it.
+        low: Least torque [N m].
+        high: Largest torque [N m].
+        delay: Delay of its torque [ms].
+        lags: Whether it has a lag.
+        joint: Further attributes of the joint.
+    """
+
+    actuator: str
+    note: str
+    low: float
+    high: float
+    delay: int = 0
+    lags: bool = False
+    joint: str = ""
+
+
+LAG_NOTE = "the plant has a lag of 0.02 s, which no law knows"
+DELAY_NOTE = "a delay of 0.012 s, which no law"
+SERVO_NOTE = "within [-8, 8] N m instead of the position servo (kp 30, kv 2)"
+LAG_IN_LIMITS = f"{LAG_NOTE}; torque control within [-40, 24]"
 FORCE_RANGE = " actuatorfrcrange='-2 3'"
+DRIVES = {
+    "lag": Drive(LAG, LAG_IN_LIMITS, -40, 24, lags=True),
+    "delay": Drive(DELAY, DELAY_NOTE, -20, 20, delay=12),
+    "both": Drive(LAG_AND_DELAY, f"a lag of 0.02 s and {DELAY_NOTE}", -40, 24, 12, lags=True),
+    "limited lag": Drive(LIMITED_LAG, LAG_NOTE, -16, 8, lags=True),
+    "servo": Drive(SERVO, SERVO_NOTE, -8, 8, lags=True),
+    "pid": Drive(PID, "position servo (kp 30", -math.inf, math.inf, delay=12),
+    "range of the joint": Drive(DELAY, DELAY_NOTE, -2, 3, delay=12, joint=FORCE_RANGE),
+}
+each_drive = pytest.mark.parametrize("drive", DRIVES.values(), ids=DRIVES)
+# Positions and speeds, neither of which pulls: a torque is no position.
+each_position = pytest.mark.parametrize(("q", "v"), [(0.0, 0.0), (0.6, 3.0)])
 
 
 @cache
-def robot(actuator: str, joint: str = "") -> Robot:
+def robot(drive: Drive) -> Robot:
     """A link with a drive.
 
     RK4 looks beyond an activation's limits within a step, and reads a delayed input there.
     """
-    return Robot.from_mjcf(ONE.format(joint, actuator), integrator="implicitfast")
+    return Robot.from_mjcf(ONE.format(drive.joint, drive.actuator), integrator="implicitfast")
 
 
 def torques(plant: MujocoPlant, u: float, steps: int, q: float = 0.0, v: float = 0.0) -> Array:
@@ -62,175 +100,69 @@ def torques(plant: MujocoPlant, u: float, steps: int, q: float = 0.0, v: float =
     return np.array(rows)
 
 
-LAG_NOTE = "the plant has a lag of 0.02 s, which no law knows"
-DELAY_NOTE = "a delay of 0.012 s, which no law"
-SERVO_NOTE = "within [-8, 8] N m instead of the position servo (kp 30, kv 2)"
-each_drive = pytest.mark.parametrize(
-    ("actuator", "joint"),
-    [
-        (LAG, ""),
-        (DELAY, ""),
-        (LAG_AND_DELAY, ""),
-        (LIMITED_LAG, ""),
-        (SERVO, ""),
-        (PID, ""),
-        (DELAY, FORCE_RANGE),
-    ],
-)
-# Positions and speeds, neither of which pulls: a torque is no position.
-each_position = pytest.mark.parametrize(("q", "v"), [(0.0, 0.0), (0.6, 3.0)])
-
-
 @each_drive
-def test_the_nominal_plant_is_ideal(actuator: str, joint: str) -> None:
-    plant = robot(actuator, joint).plant
-    assert plant.model.na == 0
+def test_the_nominal_plant_has_an_ideal_torque_within_the_drive_s_limits(drive: Drive) -> None:
+    """Whatever they were limits of; a servo loses its own loop."""
+    plant = robot(drive).plant
     assert plant.hidden_states == ()
+    np.testing.assert_allclose(plant.input_limits.T, [[drive.low, drive.high]], rtol=1e-12)
+    assert torques(plant, 1.5, 1, q=0.6, v=3.0)[0] == pytest.approx(1.5, rel=1e-12)
+    ideal = Robot.from_mjcf(ONE.format("", '<motor name="drive" joint="hinge"/>'))
+    assert inertia(robot(drive).nominal, [0.2]) == inertia(ideal.nominal, [0.2])
 
 
 @each_drive
-def test_a_drive_leaves_the_nominal_dynamics(actuator: str, joint: str) -> None:
-    assert inertia(robot(actuator, joint).nominal, [0.2]) == inertia(robot(IDEAL).nominal, [0.2])
-
-
-@pytest.mark.parametrize(
-    ("actuator", "names"),
-    [
-        (LAG, ["drive lag"]),
-        (DELAY, []),
-        (LAG_AND_DELAY, ["drive lag"]),
-        (LIMITED_LAG, ["drive lag"]),
-        (SERVO, ["drive lag"]),
-        (PID, []),
-    ],
-)
-def test_a_lag_is_a_hidden_state(actuator: str, names: list[str]) -> None:
-    assert [state.name for state in robot(actuator).built.hidden_states] == names
-
-
-@pytest.mark.parametrize(
-    ("actuator", "joint", "words"),
-    [
-        (LAG, "", f"{LAG_NOTE}; torque control within [-40, 24]"),
-        (DELAY, "", DELAY_NOTE),
-        (LAG_AND_DELAY, "", f"a lag of 0.02 s and {DELAY_NOTE}"),
-        (LIMITED_LAG, "", LAG_NOTE),
-        (SERVO, "", SERVO_NOTE),
-        (PID, "", "position servo (kp 30"),
-        (DELAY, FORCE_RANGE, DELAY_NOTE),
-    ],
-)
-def test_a_note_says_what_no_law_knows(actuator: str, joint: str, words: str) -> None:
-    note = robot(actuator, joint).notes[0]
+def test_a_note_says_what_no_law_knows_and_a_lag_is_a_hidden_state(drive: Drive) -> None:
+    note = robot(drive).notes[0]
     assert note.startswith("actuator 'drive': ")
-    assert words in note
-
-
-LIMITS = [
-    (LAG, "", -40, 24),
-    (DELAY, "", -20, 20),
-    (LAG_AND_DELAY, "", -40, 24),
-    (LIMITED_LAG, "", -16, 8),
-    (SERVO, "", -8, 8),
-    (DELAY, FORCE_RANGE, -2, 3),
-]
-
-
-@pytest.mark.parametrize(
-    ("actuator", "joint", "low", "high"), [*LIMITS, (PID, "", -math.inf, math.inf)]
-)
-def test_limits_are_torques_whatever_they_were_limits_of(
-    actuator: str, joint: str, low: float, high: float
-) -> None:
-    """A servo loses its own loop."""
-    limits = robot(actuator, joint).plant.input_limits
-    np.testing.assert_allclose(limits.T, [[low, high]], rtol=1e-12)
+    assert drive.note in note
+    names = [state.name for state in robot(drive).built.hidden_states]
+    assert names == ["drive lag"] * drive.lags
 
 
 @each_position
 @each_drive
-def test_a_drive_gives_its_torque(actuator: str, joint: str, q: float, v: float) -> None:
-    plants = robot(actuator, joint)
-    assert torques(plants.plant, 1.5, 1, q, v)[0] == pytest.approx(1.5, rel=1e-12)
-    assert torques(plants.built, 1.5, 400, q, v)[-1] == pytest.approx(1.5, rel=1e-6)
+def test_a_drive_gives_its_torque_within_its_limits(drive: Drive, q: float, v: float) -> None:
+    built = robot(drive).built
+    assert torques(built, 1.5, 400, q, v)[-1] == pytest.approx(1.5, rel=1e-6)
+    if math.isfinite(drive.high):
+        assert torques(built, 1e3, 400, q, v)[-1] == pytest.approx(drive.high, rel=1e-6)
+        assert torques(built, -1e3, 400, q, v)[-1] == pytest.approx(drive.low, rel=1e-6)
 
 
 @each_position
-@pytest.mark.parametrize(("actuator", "joint", "low", "high"), LIMITS)
-def test_a_drive_gives_no_more_than_its_limits(
-    actuator: str, joint: str, low: float, high: float, q: float, v: float
-) -> None:
-    built = robot(actuator, joint).built
-    assert torques(built, 1e3, 400, q, v)[-1] == pytest.approx(high, rel=1e-6)
-    assert torques(built, -1e3, 400, q, v)[-1] == pytest.approx(low, rel=1e-6)
-
-
-@each_position
-@pytest.mark.parametrize(
-    ("actuator", "delay"), [(LAG, 0), (LAG_AND_DELAY, 12), (LIMITED_LAG, 0), (SERVO, 0)]
-)
-def test_a_torque_follows_by_its_lag_after_its_delay(
-    actuator: str, delay: int, q: float, v: float
-) -> None:
-    rising = torques(robot(actuator).built, 1.5, 30, q, v)
-    missing = 1.5 - rising[delay:]
-    assert not rising[:delay].any()
+@each_drive
+def test_a_torque_follows_after_its_delay_by_its_lag(drive: Drive, q: float, v: float) -> None:
+    rising = torques(robot(drive).built, 1.5, 30, q, v)
+    assert not rising[: drive.delay].any()
+    if not drive.lags:
+        assert rising[drive.delay :].tolist() == [rising[-1]] * (30 - drive.delay)
+        return
+    missing = 1.5 - rising[drive.delay :]
     np.testing.assert_allclose(missing[1:] / missing[:-1], math.exp(-1e-3 / 0.02), rtol=1e-6)
 
 
-@each_position
-@pytest.mark.parametrize(("actuator", "joint"), [(DELAY, ""), (PID, ""), (DELAY, FORCE_RANGE)])
-def test_a_torque_without_a_lag_steps_after_its_delay(
-    actuator: str, joint: str, q: float, v: float
+def test_a_case_runs_on_the_built_plant_and_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    rising = torques(robot(actuator, joint).built, 1.5, 30, q, v)
-    assert not rising[:12].any()
-    assert rising[12:].tolist() == [rising[-1]] * 18
-
-
-# A case of a robot as built
-
-CASE = """
-[plant]
-model = "arm.xml"
-[run]
-start = { hinge = "0.1 rad" }
-duration = "0.1 s"
-[task]
-reference = ["0.3"]
-Q = [100, 0]
-R = 1
-[[controller]]
-law = "grosmc"
-k = 10
-epsilon = 5
-"""
-
-
-@pytest.fixture
-def case_file(tmp_path: Path) -> Path:
     (tmp_path / "arm.xml").write_text(ONE.format("", DELAY), encoding="utf-8")
-    file = tmp_path / "case.toml"
-    file.write_text(CASE, encoding="utf-8")
-    return file
-
-
-def test_a_case_runs_on_the_built_plant(case_file: Path) -> None:
-    experiment = Experiment.load(case_file)
+    file = cases.write(
+        tmp_path,
+        "arm.xml",
+        run={"start": {"hinge": "0.1 rad"}, "engine": "python"},
+        task={"reference": ["0.3"], "Q": [100, 0], "R": 1},
+        controller=[{"law": "grosmc", "k": 10, "epsilon": 5}],
+    )
+    experiment = Experiment.load(file)
     read = experiment.nominal.robot
     assert read is not None
     assert experiment.plant("physics").digest == read.built.digest != read.plant.digest
 
     run = experiment.run("physics", "grosmc").trajectory
     law = experiment.law("physics", "grosmc")
-    expected = simulate(read.built, law, [0.1, 0.0], duration=0.1)
+    expected = simulate(read.built, law, [0.1, 0.0], duration=0.02, engine="python")
     np.testing.assert_array_equal(run.state, expected.state)
-
-
-def test_the_command_says_what_no_law_knows(
-    case_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert commands.run("run", case_file, "--out", tmp_path, "--no-figures") == 0
+    commands.run("run", file, "--out", tmp_path, "--no-figures")
     assert "which no law knows; torque control" in " ".join(capsys.readouterr().out.split())
 
 
@@ -264,13 +196,12 @@ def free() -> Robot:
     return Robot.from_mjcf(TWO.format(SECOND, ""))
 
 
-def test_the_built_plant_alone_has_a_coupling(coupled: Robot) -> None:
+def test_the_built_plant_alone_has_a_coupling(coupled: Robot, free: Robot) -> None:
+    assert coupled.built.model.neq == 1
     assert coupled.plant.model.neq == 0
     assert coupled.nominal.neq == 0
-    assert coupled.built.model.neq == 1
-
-
-def test_a_note_says_that_no_law_knows_a_coupling(coupled: Robot, free: Robot) -> None:
+    q = [0.2, -0.4]
+    np.testing.assert_array_equal(inertia(coupled.nominal, q), inertia(free.nominal, q))
     assert coupled.notes == (
         "the plant couples the joints 'first' and 'second' (equality), which no law knows: laws "
         "move each on its own",
@@ -278,25 +209,13 @@ def test_a_note_says_that_no_law_knows_a_coupling(coupled: Robot, free: Robot) -
     )
 
 
-def test_a_coupling_leaves_the_nominal_dynamics(coupled: Robot, free: Robot) -> None:
-    q = [0.2, -0.4]
-    dq = [1.0, 0.3]
-    np.testing.assert_array_equal(inertia(coupled.nominal, q), inertia(free.nominal, q))
-    np.testing.assert_array_equal(bias(coupled.nominal, q, dq), bias(free.nominal, q, dq))
-
-
 def test_the_built_plant_moves_as_the_model_that_was_read(coupled: Robot) -> None:
     original = mujoco.MjModel.from_xml_string(COUPLED)
-    expected = waved(original, 1.0, 500)
-    np.testing.assert_array_equal(waved(coupled.built.model, 1.0, 500), expected)
-
-
-def test_a_coupling_keeps_its_joints_together(coupled: Robot) -> None:
     built = waved(coupled.built.model, 1.0, 500)
-    plain = waved(coupled.plant.model, 1.0, 500)
-    slip = np.abs(built[:, 0] - 2 * built[:, 1]).max()
-    free_slip = np.abs(plain[:, 0] - 2 * plain[:, 1]).max()
-    assert slip < 0.01 * free_slip
+    np.testing.assert_array_equal(built, waved(original, 1.0, 500))
+    # Its joints keep together.
+    free_slip = np.ptp(waved(coupled.plant.model, 1.0, 500)[:, :2] @ [1, -2])
+    assert np.ptp(built[:, :2] @ [1, -2]) < 0.01 * free_slip
 
 
 def test_a_coupling_that_is_off_goes() -> None:

@@ -50,35 +50,32 @@ def tip_jacobian(x: Array) -> Array:
     return (4 * slope(5e-3) - slope(1e-2)) / 3
 
 
-def test_decoupling_matrix_of_the_tip_is_jacobian_times_inverse_inertia() -> None:
+@pytest.mark.parametrize("q", np.random.default_rng(2).uniform(-math.pi, math.pi, (3, 2)))
+def test_decoupling_matrix_of_the_tip_is_jacobian_times_inverse_inertia(q: Array) -> None:
     p = nominal().parameters
-    random = np.random.default_rng(2)
-    for _ in range(5):
-        x = np.concatenate([random.uniform(-math.pi, math.pi, 2), random.normal(0, 3, 2)])
-        E = np.reshape(error_of("two_link_arm").linearization.decoupling_matrix(x, p), (2, 2))
-        expected = tip_jacobian(x) @ np.linalg.inv(two_link_inertia(x, p))
-        np.testing.assert_allclose(E, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    x = np.array([*q, 2.0, -3.0])
+    E = np.reshape(error_of("two_link_arm").linearization.decoupling_matrix(x, p), (2, 2))
+    expected = tip_jacobian(x) @ np.linalg.inv(two_link_inertia(x, p))
+    np.testing.assert_allclose(E, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
-def test_place_is_inverse_kinematics() -> None:
+@pytest.mark.parametrize("t", [0.0, 0.3, 0.75, 1.1, 1.6])
+def test_place_is_inverse_kinematics(t: float) -> None:
     """The elbow-up state with that tip and that velocity of the tip, all around the circle."""
-    circle = TWO_LINK_CIRCLE
-    centre = np.array([circle.centre1, circle.centre2])
+    error = error_of("two_link_arm")
     parameters = law("grosmc", "nominal").parameters
-    random = np.random.default_rng(5)
-    for t in np.linspace(0, 2, 9).tolist():
-        z = random.uniform(-1, 1, 4) * [0.1, 0.3, 0.1, 0.3]
-        x = error_of("two_link_arm").place(t, z, parameters)
+    z = np.array([0.08, -0.2, -0.05, 0.3])
+    x = error.place(t, z, parameters)
 
-        angle = circle.frequency * t
-        radius = circle.radius * np.array([math.cos(angle), math.sin(angle)])
-        speed = circle.frequency * np.array([-radius[1], radius[0]])
-        expected = elbow_up(centre + radius + z[::2], nominal().parameters)
-        np.testing.assert_allclose(x[:2], expected, atol=1e-9)
-        np.testing.assert_allclose(tip_jacobian(x) @ x[2:], speed + z[1::2], atol=1e-9)
-        np.testing.assert_allclose(
-            error_of("two_link_arm").error_state(t, x, parameters), z, atol=1e-9
-        )
+    circle = TWO_LINK_CIRCLE
+    angle = circle.frequency * t
+    centre = np.array([circle.centre1, circle.centre2])
+    radius = circle.radius * np.array([math.cos(angle), math.sin(angle)])
+    speed = circle.frequency * np.array([-radius[1], radius[0]])
+    expected = elbow_up(centre + radius + z[::2], nominal().parameters)
+    np.testing.assert_allclose(x[:2], expected, atol=1e-9)
+    np.testing.assert_allclose(tip_jacobian(x) @ x[2:], speed + z[1::2], atol=1e-9)
+    np.testing.assert_allclose(error.error_state(t, x, parameters), z, atol=1e-9)
 
 
 # Gains
@@ -89,11 +86,11 @@ def declared_points() -> list[tuple[float, Array]]:
     low, high = uncertainty_of(REGULATION).scales["mp"]
     region = np.array(uncertainty_of(REGULATION).region)
     points: list[tuple[float, Array]] = []
-    for signs in itertools.product((-1.0, 0.0, 1.0), repeat=4):
+    for signs in itertools.product((-1.0, 1.0), repeat=4):
         points += [(low, region * signs), (high, region * signs)]
 
     random = np.random.default_rng(7)
-    for _ in range(20):
+    for _ in range(10):
         points.append((random.uniform(low, high), region * random.uniform(-1, 1, 4)))
     return points
 
