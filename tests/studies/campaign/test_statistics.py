@@ -168,7 +168,7 @@ def test_every_plant_is_counted_once(first: list[float], second: list[float]) ->
     assert counted == pair.runs == len(first)
 
 
-@pytest.mark.parametrize(("runs", "bins", "sign"), [(64, 8, 1), (400, 20, -1), (4096, 32, 1)])
+@pytest.mark.parametrize(("runs", "bins", "sign"), [(64, 8, 1), (400, 20, -1), (1600, 32, 1)])
 def test_share_of_the_only_parameter(runs: int, bins: int, sign: int) -> None:
     # Within a bin of m = n / B the ranks vary by m² - 1, in all by n² - 1 (both over 12).
     x = np.random.default_rng(0).permutation(runs).astype(float)
@@ -262,11 +262,12 @@ def false_alarms(campaigns: int, runs: int, numbers: int, completed: float) -> i
     return alarms
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("completed", [1.0, 0.5])
 def test_one_in_a_hundred_campaigns_of_irrelevant_numbers_names_a_driver(completed: float) -> None:
     # At a rate of 1 % more alarms than this have a probability of 1e-4; before, 92 % were false.
-    most = stats.binom.isf(1e-4, 200, LEVEL)
-    assert false_alarms(200, runs=64, numbers=5, completed=completed) <= most
+    most = stats.binom.isf(1e-4, 60, LEVEL)
+    assert false_alarms(60, runs=64, numbers=5, completed=completed) <= most
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -289,15 +290,18 @@ def test_a_load_that_begins_after_the_end_is_no_driver() -> None:
     }
 
 
-def test_the_p_value_rises_with_the_number_of_numbers() -> None:
+@pytest.mark.parametrize("index", range(3))
+def test_a_p_value_is_that_of_the_largest_share_of_all_numbers(index: int) -> None:
+    """Of independent numbers with no influence: that one of them shows a share as large."""
     random = np.random.default_rng(1)
     margins = random.normal(size=64)
-    values = {f"number {i}": random.random(64) for i in range(10)}
-    together = {row.parameter: row.p_value for row in sensitivities(values, margins)}
-    for name, column in values.items():
-        (alone,) = sensitivities({name: column}, margins)
-        assert alone.p_value is not None
-        assert (together[name] or 0) >= alone.p_value - 0.02
+    values = {f"number {i}": random.random(64) for i in range(3)}
+    name = f"number {index}"
+    together = {row.parameter: row.p_value for row in sensitivities(values, margins)}[name]
+    (alone,) = sensitivities({name: values[name]}, margins)
+    expected = 1 - (1 - (alone.p_value or 0)) ** 3
+    # Four standard errors of 1,999 permutations, of three times the one alone besides.
+    assert together == pytest.approx(expected, abs=4 * math.sqrt((1 + 9) * 0.25 / 2000))
 
 
 RISING = np.arange(9.0)
