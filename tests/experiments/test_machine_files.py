@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import math
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+import cases
 import numpy as np
 import pytest
-from case_texts import LUGRE, MOTOR, PARTS_OF, PLAY, load, written
+from cases import case
 
 from grosmc_mj.experiments.experiment import Experiment
-from grosmc_mj.experiments.file.reading import read_case_file
+from grosmc_mj.experiments.file.reading import parse_case_file
+from grosmc_mj.experiments.plants import PlantName
 from grosmc_mj.mechanics.machine import (
     DriveFriction,
     LuGre,
@@ -28,15 +28,13 @@ from grosmc_mj.mechanics.robots.nominal import bias
 DEGREE = math.pi / 180
 
 
-def read(folder: Path, text: str) -> Experiment:
-    """The experiment of parts of a servo."""
-    return load(folder, PARTS_OF.format("servo") + text)
+def table(kind: str, **keys: Any) -> dict[str, Any]:
+    """A table of a part."""
+    return {kind: keys}
 
 
-def table(kind: str, **keys: Any) -> str:
-    """A table of a case file."""
-    lines = [f"{key} = {json.dumps(value)}" for key, value in keys.items()]
-    return "\n".join([f"[[{kind}]]", *lines, ""])
+# A timestep for stiff parts.
+STEPS = {"control_period": "1 ms", "timestep": "0.25 ms"}
 
 
 READ = [
@@ -207,81 +205,67 @@ READ = [
 ]
 
 
-@pytest.mark.parametrize(("system", "text", "part"), READ)
-def test_a_part_is_read_with_its_units(system, text, part, tmp_path) -> None:
-    path = written(tmp_path, PARTS_OF.format(system) + text)
-    (edit,) = Experiment.of_file(read_case_file(path), path).edits
+@pytest.mark.parametrize(("system", "tables", "part"), READ)
+def test_a_part_is_read_with_its_units(system: str, tables: dict[str, Any], part: Any) -> None:
+    path = Path("mine.toml")
+    file = parse_case_file(cases.text(system, run=STEPS, **tables), path)
+    (edit,) = Experiment.of_file(file, path).edits
     assert type(edit) is type(part)
-    for item in fields(part):
-        expected = getattr(part, item.name)
-        if type(expected) is float:
-            # Within the rounding of a unit's conversion.
-            expected = pytest.approx(expected, rel=1e-12)
-        assert getattr(edit, item.name) == expected, item.name
+    # Within the rounding of a unit's conversion.
+    expected = {
+        name: pytest.approx(value, rel=1e-12) if type(value) is float else value
+        for name, value in vars(part).items()
+    }
+    assert vars(edit) == expected
 
 
-def test_parts_of_a_file_are_those_of_its_plant(tmp_path) -> None:
-    built = read(tmp_path, PLAY + LUGRE + MOTOR)
+PARTS: dict[str, Any] = {
+    "transmission": {"joint": "shaft", "inertia": "10 g m^2", "backlash": "0.3 deg"},
+    "lugre": {"joint": "shaft", "coulomb": "0.05 N m"},
+    "motor": {"input": "current", "constant": "7.68 mN m/A", "resistance": "2.6 ohm"},
+}
+
+
+@pytest.mark.parametrize("name", ["corrected", "physics"])
+def test_laws_do_not_know_the_parts_of_a_machine(name: PlantName) -> None:
+    bare = case("servo", run=STEPS)
+    built = case("servo", run=STEPS, **PARTS)
     assert [type(edit) for edit in built.edits] == [Transmission, LuGre, Motor]
     physics: Any = built.plant("physics")
     assert physics.parts == built.edits
+    assert built.plant(name).parameters == bare.plant(name).parameters
+    laws = [experiment.law(name, "lqr").parameters for experiment in (bare, built)]
+    assert laws[0].plant == laws[1].plant
+    np.testing.assert_array_equal(laws[0].K, laws[1].K)
 
 
-@pytest.mark.parametrize("plant", ["corrected", "physics"])
-def test_laws_do_not_know_the_parts_of_a_machine(tmp_path, plant) -> None:
-    bare = read(tmp_path, "")
-    built = read(tmp_path, PLAY + LUGRE + MOTOR)
-    assert built.plant(plant).parameters == bare.plant(plant).parameters
-    bare_law = bare.law(plant, "lqr").parameters
-    built_law = built.law(plant, "lqr").parameters
-    assert built_law.plant == bare_law.plant
-    np.testing.assert_array_equal(built_law.K, bare_law.K)
-
-
-KNOWN_AND_UNKNOWN = """
-[[edit]]
-known = true
-input = "current"
-gear = 0.3
-[[edit]]
-known = false
-joint = "shaft"
-damping = 0.1
-[[edit]]
-known = true
-body = "rotor"
-mass_scale = 2
-[[lugre]]
-joint = "shaft"
-coulomb = "0.05 N m"
-[[edit]]
-known = false
-body = "rotor"
-mass_scale = 1.5
-"""
-
-
-def test_unknown_edits_are_the_cases(tmp_path) -> None:
-    assert read(tmp_path, KNOWN_AND_UNKNOWN).edits == (
+def test_a_law_knows_the_known_edits_and_its_plant_has_the_others_too() -> None:
+    """An unknown edit comes on top of the known ones."""
+    experiment = case(
+        "servo",
+        run=STEPS,
+        edit=[
+            {"known": True, "input": "current", "gear": 0.3},
+            {"known": False, "joint": "shaft", "damping": 0.1},
+            {"known": True, "body": "rotor", "mass_scale": 2},
+            {"known": False, "body": "rotor", "mass_scale": 1.5},
+        ],
+        lugre=PARTS["lugre"],
+    )
+    assert experiment.edits == (
         JointEdit("shaft", damping=0.1),
         BodyEdit("rotor", 1.5),
         LuGre("shaft", 0.05),
     )
-
-
-def test_a_law_knows_the_known_edits_only(tmp_path) -> None:
-    experiment = read(tmp_path, KNOWN_AND_UNKNOWN)
     believed = experiment.law("physics", "lqr").parameters.plant
     assert (believed.Kt, believed.J, believed.B) == pytest.approx((0.3, 2 * 0.0577, 8.8e-3))
-
-
-def test_an_unknown_edit_comes_on_top_of_the_known_ones(tmp_path) -> None:
-    physics: Any = read(tmp_path, KNOWN_AND_UNKNOWN).plant("physics")
+    physics: Any = experiment.plant("physics")
     true = physics.analytic().parameters
     assert (true.Kt, true.J, true.B) == pytest.approx((0.3, 3 * 0.0577, 0.1))
 
 
-HINGE_MODEL = """
+# A robot of one joint with a damping of 0.1 N m s/rad, stepped by Euler's method.
+HINGE = """
 <mujoco>
   <option timestep="0.002"><flag contact="disable"/></option>
   <worldbody>
@@ -293,58 +277,35 @@ HINGE_MODEL = """
   <actuator><motor name="motor" joint="hinge"/></actuator>
 </mujoco>
 """
-HINGE = """
-[plant]
-model = "arm.xml"
-[run]
-duration = "20 ms"
-[[controller]]
-law = "lqr"
-[task]
-reference = ["0.1"]
-Q = [1, 1]
-R = 1
-[[edit]]
-known = true
-body = "link"
-mass_scale = 2
-[[edit]]
-joint = "hinge"
-damping = 0.5
-[[lugre]]
-joint = "hinge"
-coulomb = "0.05 N m"
-"""
 
 
-@pytest.fixture
-def hinge(tmp_path: Path) -> Experiment:
-    """A robot of one joint with a damping of 0.1 N m s/rad, stepped by Euler's method."""
-    (tmp_path / "arm.xml").write_text(HINGE_MODEL, encoding="utf-8")
-    return load(tmp_path, HINGE)
+@pytest.fixture(scope="module")
+def hinge(tmp_path_factory: pytest.TempPathFactory) -> Experiment:
+    """The robot with a known mass, and with damping and dry friction that its laws do not know."""
+    folder = tmp_path_factory.mktemp("hinge")
+    (folder / "arm.xml").write_text(HINGE, encoding="utf-8")
+    edits = [
+        {"known": True, "body": "link", "mass_scale": 2},
+        {"joint": "hinge", "damping": 0.5},
+    ]
+    friction = {"joint": "hinge", "coulomb": "0.05 N m"}
+    task = {"reference": ["0.1"], "Q": [1, 1], "R": 1}
+    return case("arm.xml", folder=folder, task=task, edit=edits, lugre=friction)
 
 
 def test_settings_of_a_model_count_where_the_file_has_none(hinge: Experiment) -> None:
-    assert hinge.settings.timestep == 0.002
+    settings = hinge.settings
     # A slow timestep is the control period.
-    assert hinge.settings.control_period == 0.002
-    assert hinge.settings.integrator == "Euler"
+    assert (settings.timestep, settings.control_period) == (0.002, 0.002)
+    assert settings.integrator == "Euler"
 
 
-def test_a_robots_known_edits_are_in_the_dynamics_of_its_laws(hinge: Experiment) -> None:
+def test_a_robots_laws_know_its_known_edits_only_and_its_plant_has_all(hinge: Experiment) -> None:
     robot = hinge.nominal.robot
     assert robot is not None
     assert robot.plant.model.body("link").mass[0] == 2
-
-
-def test_a_robots_laws_believe_in_the_models_damping(hinge: Experiment) -> None:
-    robot = hinge.nominal.robot
-    assert robot is not None
     damping = bias(robot.nominal, [0.0], [1.0]) - bias(robot.nominal, [0.0], [0.0])
     assert damping == pytest.approx(0.1)
-
-
-def test_a_robots_plant_has_all_edits(hinge: Experiment) -> None:
     physics: Any = hinge.plant("physics")
     assert physics.model.body("link").mass[0] == 2
     assert physics.model.dof_damping[0] == 0.5
