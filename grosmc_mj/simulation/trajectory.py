@@ -216,7 +216,8 @@ class Trajectory:
         were applied and as they were asked for, ``s``, ``v``, memory, disturbances, what of a
         machine no law sees; a unit that nothing here knows is left empty. A row is an instant;
         what is held over an interval stands at its beginning, and the last row has none. Parquet
-        keeps all of the run, for ``load_trajectory``; columns of CSV are called ``name [unit]``.
+        keeps all of the run, for ``load_trajectory``; columns of CSV are called ``name [unit]``,
+        without brackets where no unit is known.
 
         Args:
             path: The file.
@@ -319,7 +320,11 @@ def _write_csv(table: Any, file: Path) -> None:
     """Write a run's columns with their units; the state of physics is left out."""
     import pyarrow.csv
 
-    labels = [f"{field.name} [{field.metadata[b'unit'].decode()}]" for field in table.schema]
+    labels = []
+    for field in table.schema:
+        # Of a unit that nothing here knows there are no brackets.
+        unit = field.metadata[b"unit"].decode()
+        labels.append(f"{field.name} [{unit}]" if unit else field.name)
     physics = [label for label in labels if label.startswith("mjSTATE")]
     pyarrow.csv.write_csv(table.rename_columns(labels).drop_columns(physics), file)
 

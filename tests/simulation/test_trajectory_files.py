@@ -254,6 +254,8 @@ def test_a_csv_has_units_in_its_heading(tmp_path: Path) -> None:
     text = result().save(tmp_path / "run.csv").read_text("utf-8")
     rows = list(csv.reader(text.splitlines()))
     assert rows[0][:4] == ["time [s]", "rotor angle [rad]", "rotor speed [rad/s]", "current [A]"]
+    # The unit of v is that of a law, which a run does not know.
+    assert "v" in rows[0]
     assert float(rows[5][1]) == result().trajectory.state[4, 0]
     # A held input has no value at the last instant.
     assert rows[-1][3] == ""
