@@ -79,6 +79,14 @@ def test_a_settled_estimator_is_exact_from_the_start(law: str, number: dict[str,
     assert np.abs(error).max() < ROUNDING
 
 
+def test_a_sensor_with_a_pace_of_its_own_gives_the_rate_over_its_own_samples() -> None:
+    """Two or three of them in a period of the computer."""
+    p = servo().parameters
+    loop = Loop(sensors=(Sensor(ANGLE, period=2 * H),), estimators=(Estimator((SPEED,)),))
+    run = played(np.full(40, p.B * RATE / p.Kt), loop, x0=(0.0, RATE), stride=5)
+    assert np.abs(seen(run)[:, 1] - RATE).max() < ROUNDING
+
+
 def test_a_filtered_rate_begins_with_the_pole_that_it_is_tuned_for() -> None:
     error = coasting("filtered", time_constant=5e-3)
     decay = -RATE * np.exp(-np.arange(50) / 5)

@@ -67,26 +67,27 @@ def test_the_age_of_a_measurement_is_predicted_too(delay: int, age: int, sent: i
     np.testing.assert_array_equal(seen(run)[:age, 0], 0.4)
 
 
-def test_a_load_that_the_model_lacks_is_learned() -> None:
+@pytest.mark.parametrize("stride", [1, 4])
+def test_a_load_that_the_model_lacks_is_learned(stride: int) -> None:
     """A constant load changes the rate over the dead time by d h w/J, which prediction misses.
 
-    It learns by the share 1 - exp(-0.1/d) of a sample, so exp(-10) of it is left after 100 d. The
-    model's own rate falls by B h/J of itself on the way.
+    It learns by the share 1 - exp(-0.1 T/d) of a sample, so exp(-2) of it is left after 20 d, and
+    exp(-10) after 100 d. The model's own rate falls by B h/J of itself on the way.
     """
-    steps = 5
+    steps = 8
     load = 0.1
-    disturbance = Disturbance("rotor", (0, 0, 0, 0, load, 0))
     run = played(
-        np.zeros(100 * steps),
+        np.zeros(100 * steps // stride),
         Loop(Computing(delay=steps * H)),
+        stride=stride,
         modelled=True,
         predict=True,
-        disturbances=[disturbance],
+        disturbances=[Disturbance("rotor", (0, 0, 0, 0, load, 0))],
     )
-    predicted = run.memory["x"][:-steps, 1]
-    error = predicted - run.state[steps:-1, 1]
+    error = (run.memory["x"][:-steps, 1] - run.state[steps:-1, 1])[::stride]
     missed = steps * H * load / servo().parameters.J
     assert error[0] == pytest.approx(missed, rel=1e-2)
+    assert error[20 * steps // stride] / error[0] == pytest.approx(np.exp(-2), rel=0.1)
     assert abs(error[-1] / error[0]) < 1e-3
 
 
