@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import json
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import sympy as sp
-from campaign_cases import run
+from cases import write
+from commands import run
 from numpy.typing import NDArray
 
 import grosmc_mj as gm
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.ground.errors import ArgumentError, UndefinedLawError
+from grosmc_mj.theory.plants import SYSTEMS
 
 
 @cache
@@ -39,15 +42,40 @@ FIELDS = (
     "status",
     "valid_until",
 )
-each_case = pytest.mark.parametrize("case", ["servo/case1", "two_link_arm/case2", "maglev/warm"])
 
 
-@each_case
-def test_a_run_is_read_as_it_was_written(case: str, tmp_path: Path) -> None:
-    written = result(case).trajectory
-    loaded = gm.load_trajectory(result(case).save(tmp_path / "run.parquet"))
-    for name in FIELDS:
-        np.testing.assert_array_equal(getattr(written, name), getattr(loaded, name), err_msg=name)
+class Stored(NamedTuple):
+    """A run, and the one that its file is read as."""
+
+    written: Any
+    loaded: Any
+
+
+@pytest.fixture(scope="module", params=["servo/case1", "two_link_arm/case2", "maglev/warm"])
+def stored(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Stored:
+    written = result(request.param).trajectory
+    file = written.save(tmp_path_factory.mktemp("stored") / "run.parquet")
+    return Stored(written, gm.load_trajectory(file))
+
+
+@pytest.mark.parametrize("name", FIELDS)
+def test_a_run_is_read_as_it_was_written(stored: Stored, name: str) -> None:
+    np.testing.assert_array_equal(getattr(stored.written, name), getattr(stored.loaded, name))
+
+
+def test_a_file_keeps_the_memory(stored: Stored) -> None:
+    written, loaded = stored.written.memory, stored.loaded.memory
+    assert set(loaded.dtype.names or ()) == set(written.dtype.names or ())
+    for name in written.dtype.names or ():
+        np.testing.assert_array_equal(written[name], loaded[name])
+
+
+def test_a_file_keeps_the_system(stored: Stored) -> None:
+    """A shipped one is the very object that was written."""
+    written, loaded = stored.written.system, stored.loaded.system
+    for name in ("states", "inputs", "controlled", "bodies"):
+        assert getattr(written, name) == getattr(loaded, name)
+    assert (loaded is written) == (written.name in SYSTEMS)
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
@@ -74,42 +102,15 @@ def test_a_run_that_ends_in_its_first_step_is_written(ending: str, tmp_path: Pat
         assert (loaded.input.shape, loaded.memory.shape) == ((0,), (0,))
 
 
-@each_case
-def test_a_file_keeps_the_memory(case: str, tmp_path: Path) -> None:
-    written = result(case).trajectory.memory
-    loaded = gm.load_trajectory(result(case).save(tmp_path / "run.parquet")).memory
-    kept = set(written.dtype.names or ())
-    assert set(loaded.dtype.names or ()) == kept
-    for name in kept:
-        np.testing.assert_array_equal(written[name], loaded[name])
+@pytest.fixture(scope="module")
+def machine(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """File of a run on a machine."""
+    folder = tmp_path_factory.mktemp("machine")
+    return result("cart_pendulum/machine", 0.05).save(folder / "run.parquet")
 
 
-@pytest.mark.parametrize("name", ["states", "inputs", "controlled", "bodies"])
-@each_case
-def test_a_file_keeps_the_system(case: str, name: str, tmp_path: Path) -> None:
-    written = result(case).trajectory.system
-    loaded = gm.load_trajectory(result(case).save(tmp_path / "run.parquet")).system
-    assert getattr(written, name) == getattr(loaded, name)
-
-
-@each_case
-def test_only_a_shipped_system_is_the_very_object_that_was_written(
-    case: str, tmp_path: Path
-) -> None:
-    written = result(case).trajectory.system
-    loaded = gm.load_trajectory(result(case).save(tmp_path / "run.parquet")).system
-    shipped = case.startswith(("servo", "two_link"))
-    assert (loaded is written) == shipped
-
-
-@cache
-def machine() -> RunResult:
-    return result("cart_pendulum/machine", 0.05)
-
-
-def test_columns_say_their_units(tmp_path: Path) -> None:
-    file = machine().save(tmp_path / "run.parquet")
-    schema = gm.load_trajectory(file).to_arrow().schema
+def test_columns_say_their_units(machine: Path) -> None:
+    schema = gm.load_trajectory(machine).to_arrow().schema
     unit = {field.name: field.metadata[b"unit"].decode() for field in schema}
     expected = {
         "pole angle": "rad",
@@ -121,29 +122,22 @@ def test_columns_say_their_units(tmp_path: Path) -> None:
         "hinge friction bristle": "rad",
     }
     assert unit | expected == unit
-    assert pq.read_schema(file).field("s").metadata[b"unit"] == b"rad/s"
+    assert pq.read_schema(machine).field("s").metadata[b"unit"] == b"rad/s"
 
 
-def test_a_held_input_has_no_value_at_the_last_instant(tmp_path: Path) -> None:
-    table = gm.load_trajectory(machine().save(tmp_path / "run.parquet")).to_arrow()
+def test_states_of_a_machine_are_among_the_columns(machine: Path) -> None:
+    run: Any = gm.load_trajectory(machine)
+    table = run.to_arrow()
+    # The motor's coordinate comes after slider and hinge.
+    twist = table["slider twist"].to_numpy()
+    np.testing.assert_array_equal(twist, run.physics[:, 3] - run.state[:, 0])
+    assert np.abs(table["force winding"].to_numpy()).max() > 1.0
+    # A held input has no value at the last instant.
     assert np.isnan(table["force"].to_numpy()[-1])
 
 
-def test_states_of_a_machine_are_among_the_columns(tmp_path: Path) -> None:
-    table = gm.load_trajectory(machine().save(tmp_path / "run.parquet")).to_arrow()
-    state = machine().trajectory.state
-    physics = machine().trajectory.physics
-    assert physics is not None
-    # The motor's coordinate comes after slider and hinge.
-    twist = table["slider twist"].to_numpy()
-    np.testing.assert_array_equal(twist, physics[:, 3] - state[:, 0])
-    current = table["force winding"].to_numpy()
-    assert np.abs(current).max() > 1.0
-
-
-def test_a_file_says_the_version_that_wrote_it(tmp_path: Path) -> None:
-    schema = pq.read_schema(machine().save(tmp_path / "run.parquet"))
-    description = json.loads(schema.metadata[b"grosmc_mj"])
+def test_a_file_says_the_version_that_wrote_it(machine: Path) -> None:
+    description = json.loads(pq.read_schema(machine).metadata[b"grosmc_mj"])
     assert description["versions"]["grosmc_mj"] == gm.__version__
 
 
@@ -178,28 +172,19 @@ def test_two_signals_of_one_name_are_distinguished() -> None:
     assert names[:6] == ["time", "p", "v", "force", "force asked", "weighed v"]
 
 
-def written_table(table: pa.Table, folder: Path) -> Path:
-    path = folder / "bad.parquet"
-    pq.write_table(table, path)
-    return path
+def changed(folder: Path, change: Callable[[pa.Table], pa.Table]) -> Path:
+    """A run's file with another table."""
+    pq.write_table(change(result().trajectory.to_arrow()), folder / "bad.parquet")
+    return folder / "bad.parquet"
 
 
 def with_column(folder: Path, name: str, values: NDArray[Any]) -> Path:
     """A run's file with other values in one of its columns."""
-    table = result().trajectory.to_arrow()
-    column = table.schema.get_field_index(name)
-    return written_table(table.set_column(column, name, pa.array(values)), folder)
 
+    def change(table: pa.Table) -> pa.Table:
+        return table.set_column(table.schema.get_field_index(name), name, pa.array(values))
 
-def without_column(folder: Path, name: str) -> Path:
-    """A run's file that lacks one of its columns."""
-    return written_table(result().trajectory.to_arrow().drop_columns(name), folder)
-
-
-def without_description(folder: Path) -> Path:
-    """A table that describes no run."""
-    table = result().trajectory.to_arrow()
-    return written_table(table.replace_schema_metadata(None), folder)
+    return changed(folder, change)
 
 
 def written(path: Path) -> Path:
@@ -229,8 +214,9 @@ NOT_READ = "a run is read from .parquet alone: run it again and save it as .parq
         # Instants must increase, columns must be real numbers.
         (lambda folder: with_column(folder, "time", np.r_[np.arange(10.0), 9.0]), NO_RUN),
         (lambda folder: with_column(folder, "rotor angle", np.arange(11)), NO_RUN),
-        (lambda folder: without_column(folder, "rotor angle"), NO_RUN),
-        (without_description, NO_RUN),
+        (lambda folder: changed(folder, lambda run: run.drop_columns("rotor angle")), NO_RUN),
+        # A table that describes no run.
+        (lambda folder: changed(folder, lambda run: run.replace_schema_metadata(None)), NO_RUN),
     ],
 )
 def test_files_that_are_of_no_run_are_refused(
@@ -241,13 +227,11 @@ def test_files_that_are_of_no_run_are_refused(
 
 
 def test_the_command_run_saves_its_runs(tmp_path: Path) -> None:
-    case = "own_laws/transfer_function"
+    case = write(tmp_path, "servo", controller=[{"law": "lqr"}, {"law": "pid", "kp": 1}])
     assert run("run", "--save", "csv", case, "--no-figures", "--out", tmp_path) == 0
     names = sorted(path.name for path in (tmp_path / "trajectories").iterdir())
-    assert names == [
-        "own_laws_transfer_function.physics.lead.csv",
-        "own_laws_transfer_function.physics.lqr.csv",
-    ]
+    plants_and_laws = itertools.product(("corrected", "physics"), ("lqr", "pid"))
+    assert names == [f"mine.{plant}.{law}.csv" for plant, law in plants_and_laws]
 
 
 def test_a_csv_has_units_in_its_heading(tmp_path: Path) -> None:
