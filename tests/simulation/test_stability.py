@@ -70,7 +70,7 @@ def lag_under_pi(pole: float, kp: float = 2.0) -> tuple[gm.AnalyticPlant, gm.Con
     return plant, Pid(kp=kp, ki=0.5).design(task)
 
 
-@pytest.mark.parametrize("pole", [4e3, 3.3e4, 1e6])
+@pytest.mark.parametrize("pole", [3e3, 3.3e4, 1e6])
 def test_a_run_with_too_long_a_timestep_names_one_that_works(pole: float) -> None:
     plant, law = lag_under_pi(pole)
     timing: Any = {"duration": 0.5, "control_period": PERIOD}
