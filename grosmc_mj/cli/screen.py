@@ -72,6 +72,8 @@ def say_lines(
 
 def say_files(to: Console, *files: Path) -> None:
     """Print paths of files, in one line or in a line each; paths are not folded."""
+    if not files:
+        return
     paths = [str(file) for file in files]
     line = ", ".join(paths)
     lines = [line] if len(line) <= WIDTH else paths

@@ -83,6 +83,11 @@ MACHINES = [
         [uncertain("lugre.shaft.static", "20 mN m", "90 mN m")],
         "uncertain: shaft static 0.02 N m can occur, where there is no such machine",
     ),
+    # Of one the least with the largest of the other.
+    (
+        [COULOMB, uncertain("lugre.shaft.static", "60 mN m", "90 mN m")],
+        "can occur, where there is no such machine",
+    ),
     ([uncertain("stop.shaft.low", "-1 rad", "2 rad")], "low = 2 must be below high = 1"),
     # A stop would throw out a plant that starts beyond it.
     ([uncertain("stop.shaft.low", "-1 rad", "0.5 rad")], "beyond its stops at 0.5 and 1 rad"),

@@ -1,5 +1,7 @@
 """grosmc-mj campaign: the files, the exit codes, wrong use in one line."""
 
+from __future__ import annotations
+
 import io
 import json
 from contextlib import redirect_stderr, redirect_stdout
@@ -8,7 +10,7 @@ from typing import Any, NamedTuple
 
 import pyarrow.parquet as pq
 import pytest
-from campaign_cases import AMPLITUDE, DEVIATION, LQR, deviation_below, servo
+from campaigns import AMPLITUDE, BOTH, LQR, deviation_below, pair, plain, servo
 from commands import Patch, Screen, run
 from rich.console import Console
 
@@ -20,48 +22,35 @@ from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.studies.pieces import held
 from grosmc_mj.studies.sweep.runs import Row, run_rows
 
-TEXT = servo(laws=LQR, limits=DEVIATION)
 PART = Path("parts") / "part-0000000.parquet"
 SEARCHES = ("--worst", "--evaluations", "128", "--radius")
 
 
+def written(folder: Path, text: str) -> Path:
+    """The case file small.toml."""
+    path = folder / "small.toml"
+    path.write_text(text)
+    return path
+
+
+def under_lqr(limit: str = "3 mrad", *, numbers: Any = BOTH, laws: Any = LQR) -> str:
+    """A servo's campaign under LQR, which compiles soonest."""
+    return servo(*numbers, laws=laws, limits=deviation_below(limit))
+
+
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A servo's campaign under LQR, which compiles soonest."""
-    path = tmp_path_factory.mktemp("files") / "small.toml"
-    path.write_text(TEXT)
-    return path
+    """The case file of a servo under LQR."""
+    return written(tmp_path_factory.mktemp("files"), under_lqr())
 
 
 @pytest.fixture(scope="module")
 def folder(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of sixteen runs with all searches."""
+    """The folder of sixteen runs with all searches, of which one finds a failure."""
     path = tmp_path_factory.mktemp("campaign") / "out"
     sixteen = ("campaign", file, "--runs", "16", "--out", path, "--no-figures")
     assert run(*sixteen, *SEARCHES) == cli.DIFFERS
     return path
-
-
-class Answer(NamedTuple):
-    """A command's folder and what it printed."""
-
-    folder: Path
-    output: str
-    errors: str
-
-    @property
-    def words(self) -> str:
-        """The answer without its line breaks."""
-        return " ".join(self.output.split())
-
-
-def answered(out: Path, *arguments: object) -> Answer:
-    """The answer of a command that succeeds, with this folder for its files."""
-    output = io.StringIO()
-    errors = io.StringIO()
-    with redirect_stdout(output), redirect_stderr(errors):
-        assert run(*arguments, "--out", out) == cli.DONE
-    return Answer(out, output.getvalue(), errors.getvalue())
 
 
 def document(folder: Path, name: str) -> dict[str, Any]:
@@ -69,19 +58,46 @@ def document(folder: Path, name: str) -> dict[str, Any]:
     return json.loads((folder / f"{name}.json").read_text())
 
 
-def words(capsys: Screen) -> str:
-    """The answer without its line breaks."""
-    return " ".join(capsys.readouterr().out.split())
+# Answers.
 
 
-def wrong(capsys: Screen, *arguments: object) -> str:
-    """The one line about wrong use."""
-    capsys.readouterr()
-    assert run(*arguments) == cli.WRONG
-    line = capsys.readouterr().err
-    assert line.startswith("grosmc-mj: ")
-    assert line.count("\n") == 1
-    return line
+def answered_again(printed: Any, *arguments: object) -> None:
+    """Require the answer of a campaign that is complete, in which no time is told."""
+    run("campaign", *arguments)
+    printed("campaign", *arguments, "--resume")
+
+
+def test_a_complete_campaign_is_answered_again(printed: Any, tmp_path: Path) -> None:
+    file = written(tmp_path, pair()).name
+    answered_again(printed, file, "--runs", "8", "--no-figures", "--verbose")
+
+
+def test_a_law_of_which_nothing_is_required_completes(printed: Any, tmp_path: Path) -> None:
+    """Nothing is drawn."""
+    answered_again(printed, written(tmp_path, plain()).name, "--runs", "16")
+    assert not list(tmp_path.rglob("map.*"))
+
+
+@pytest.mark.parametrize("runs", [4, 5])
+def test_five_runs_without_failure_show_50_percent_and_four_do_not(
+    runs: int, printed: Any, tmp_path: Path
+) -> None:
+    """0.5^5 is below a doubt of 5 %, 0.5^4 above it."""
+    file = written(tmp_path, under_lqr("100 mrad")).name
+    answered_again(printed, file, "--runs", runs, "--at-least", "0.5", "--no-figures")
+
+
+@pytest.mark.parametrize(
+    ("asked", "code"), [((), cli.DIFFERS), (("--at-least", "0.005"), cli.DONE)]
+)
+def test_a_plant_that_a_search_finds_to_fail_decides_unless_a_share_is_asked_for(
+    file: Path, tmp_path: Path, asked: tuple[str, ...], code: int
+) -> None:
+    """Of eight plants one keeps everything, and so at least 0.6 % of all, with 95 % confidence."""
+    options = ("--runs", "8", "--out", tmp_path, "--no-figures", "--radius")
+    assert run("campaign", file, *options, *asked) == code
+    verdict = document(tmp_path, "results")["answers"][0]["verdict"]
+    assert verdict == ("not kept" if code else "kept")
 
 
 def test_a_campaign_writes_a_document_of_each_search(folder: Path) -> None:
@@ -98,80 +114,42 @@ def test_documents_have_the_numbers_of_the_runs(folder: Path) -> None:
     assert document(folder, "worst")["controllers"]["lqr"]["relative"] <= relative.min()
 
 
-@pytest.fixture(scope="module")
-def resumed(file: Path, folder: Path) -> Answer:
-    """The answer of a campaign that was complete already."""
-    return answered(folder, "campaign", file, "--runs", "16", "--resume", "--no-figures")
-
-
-@pytest.mark.parametrize(
-    "phrase", ["1 of 1 part is there already.", "deviation below 3 mrad", "no proof"]
-)
-def test_a_complete_campaign_is_answered_again(phrase: str, resumed: Answer) -> None:
-    assert phrase in resumed.words
-
-
-@pytest.mark.parametrize(("runs", "code"), [(4, cli.DIFFERS), (5, cli.DONE)])
-def test_five_runs_without_failure_show_50_percent(
-    runs: int, code: int, tmp_path: Path, capsys: Screen
-) -> None:
-    """0.5^5 is below a doubt of 5 %, 0.5^4 above it."""
-    path = tmp_path / "easy.toml"
-    path.write_text(servo(laws=LQR, limits=deviation_below("100 mrad")))
-    claim = ("--at-least", "0.5", "--no-figures", "--out", tmp_path / "out")
-    assert run("campaign", path, "--runs", runs, *claim) == code
-    answer_words = words(capsys)
-    assert "of the declared design keep everything" in answer_words
-    assert "50 % are asked for" in answer_words
-
-
-@pytest.fixture(scope="module")
-def free(tmp_path_factory: pytest.TempPathFactory) -> Answer:
-    """The answer of sixteen runs without a requirement."""
-    folder = tmp_path_factory.mktemp("free")
-    path = folder / "free.toml"
-    path.write_text(servo(laws=LQR, limits=""))
-    return answered(folder / "out", "campaign", path, "--runs", "16", "--verbose")
-
-
-def test_a_law_of_which_nothing_is_required_is_named(free: Answer) -> None:
-    assert "lqr completes, and nothing more is required of it, on 16 of 16" in free.words
-
-
-def test_without_a_requirement_runs_are_counted(free: Answer) -> None:
-    assert "16 of 16" in free.words
-
-
-def test_without_a_requirement_nothing_is_drawn(free: Answer) -> None:
-    assert not list(free.folder.glob("map.*"))
-
+# Who judged.
 
 SCREENED = ("--no-figures", "--runs", "64", "--screen", "equations")
 OTHER_INTEGRATOR = "instead of the model's own"
 
 
+class Answer(NamedTuple):
+    """A command's folder and what it printed."""
+
+    folder: Path
+    output: str
+    errors: str
+
+    @property
+    def judges(self) -> list[str]:
+        """The judge of each run."""
+        return pq.read_table(self.folder / PART)["judged_by"].to_pylist()
+
+
 @pytest.fixture(scope="module")
 def screened(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Answer:
     """The answer of runs that are screened by equations."""
-    return answered(tmp_path_factory.mktemp("screened"), "campaign", file, *SCREENED)
-
-
-def judges_of(folder: Path) -> list[str]:
-    """The judge of each run."""
-    return pq.read_table(folder / PART)["judged_by"].to_pylist()
+    out = tmp_path_factory.mktemp("screened")
+    with redirect_stdout(io.StringIO()) as output, redirect_stderr(io.StringIO()) as errors:
+        assert run("campaign", file, *SCREENED, "--out", out) == cli.DONE
+    return Answer(out, output.getvalue(), errors.getvalue())
 
 
 def test_the_answer_says_who_judged(screened: Answer) -> None:
-    count = judges_of(screened.folder).count("equations")
+    count = screened.judges.count("equations")
     assert f"{count} of 64 runs judged by the equations, " in screened.output
-
-
-def test_the_model_s_own_integrator_needs_no_notice(screened: Answer) -> None:
     assert OTHER_INTEGRATOR not in screened.errors
 
 
 def test_a_plant_s_file_says_who_judged(screened: Answer) -> None:
-    number = judges_of(screened.folder).index("equations")
+    number = screened.judges.index("equations")
     assert run("campaign", screened.folder, "--plant", number) == cli.DONE
     text = (screened.folder / f"small_{number}_lqr.toml").read_text()
     assert f"run {number} under lqr, judged by the equations." in text
@@ -184,6 +162,19 @@ def test_a_notice_says_why_nothing_is_screened(file: Path, tmp_path: Path, capsy
     reason = "equations are stepped by RK4, the model by implicitfast"
     assert f"No run is screened by equations: {reason}." in errors
     assert OTHER_INTEGRATOR in errors
+
+
+# Wrong use.
+
+
+def wrong(capsys: Screen, *arguments: object) -> str:
+    """The one line about wrong use."""
+    capsys.readouterr()
+    assert run(*arguments) == cli.WRONG
+    line = capsys.readouterr().err
+    assert line.startswith("grosmc-mj: ")
+    assert line.count("\n") == 1
+    return line
 
 
 @pytest.mark.parametrize(
@@ -208,8 +199,7 @@ def test_wrong_use_gets_one_line(
 
 @pytest.mark.parametrize("command", ["run", "campaign"])
 def test_a_wrong_file_is_one_line(command: str, tmp_path: Path, capsys: Screen) -> None:
-    path = tmp_path / "wrong.toml"
-    path.write_text(servo(2 * AMPLITUDE, laws=LQR, limits=DEVIATION))
+    path = written(tmp_path, under_lqr(numbers=[AMPLITUDE, AMPLITUDE]))
     line = wrong(capsys, command, path, "--out", tmp_path / "out")
     assert "two are uncertain 'disturbance.load.scale'" in line
     assert not (tmp_path / "out").exists()
@@ -228,6 +218,9 @@ def test_a_second_campaign_waits_for_the_first(
     with held(tmp_path):
         assert "another grosmc-mj adds to it" in wrong(capsys, *eight, *more)
         assert [path.name for path in tmp_path.iterdir()] == [".lock"]
+
+
+# Order of work.
 
 
 def test_an_interrupted_campaign_says_how_to_go_on(
@@ -271,18 +264,7 @@ def test_results_are_written_before_shown(file: Path, tmp_path: Path, monkeypatc
     assert [len(names) for names in written.values()] == [1, 2, 3, 3]
 
 
-@pytest.mark.parametrize(
-    ("asked", "code"), [((), cli.DIFFERS), (("--at-least", "0.005"), cli.DONE)]
-)
-def test_a_plant_that_a_search_finds_to_fail_decides_unless_a_share_is_asked_for(
-    file: Path, tmp_path: Path, asked: tuple[str, ...], code: int
-) -> None:
-    """Of eight plants one keeps everything, and so at least 0.6 % of all, with 95 % confidence."""
-    options = ("--runs", "8", "--out", tmp_path, "--no-figures", "--radius")
-    assert run("campaign", file, *options, *asked) == code
-    assert document(tmp_path, "results")["answers"][0]["verdict"] == (
-        "not kept" if code else "kept"
-    )
+# Files of plants.
 
 
 def least_margin(folder: Path, which: str) -> float:
@@ -299,10 +281,7 @@ def least_margin(folder: Path, which: str) -> float:
     return pq.read_table(folder / PART)["relative"][int(which)].as_py()
 
 
-EACH_PLANT = pytest.mark.parametrize("which", ["3", "worst", "shrunk", "outside"])
-
-
-@EACH_PLANT
+@pytest.mark.parametrize("which", ["3", "worst", "shrunk", "outside"])
 def test_a_plant_s_file_is_run_like_any_other(
     which: str, folder: Path, tmp_path: Path, capsys: Screen
 ) -> None:
@@ -318,33 +297,27 @@ def test_a_plant_s_file_is_run_like_any_other(
     assert run("diff", tmp_path, tmp_path, "--out", tmp_path / "diff") == cli.DONE
 
 
-@EACH_PLANT
 def test_a_plant_s_file_that_was_changed_is_kept(
-    which: str, folder: Path, tmp_path: Path, capsys: Screen
+    folder: Path, tmp_path: Path, capsys: Screen
 ) -> None:
-    assert run("campaign", folder, "--plant", which, "--out", tmp_path) == cli.DONE
+    plant = ("campaign", folder, "--plant", "worst", "--out", tmp_path)
+    assert run(*plant) == cli.DONE
     # The same command again writes the same.
-    assert run("campaign", folder, "--plant", which, "--out", tmp_path) == cli.DONE
-    file = tmp_path / f"small_{which}_lqr.toml"
+    assert run(*plant) == cli.DONE
+    file = tmp_path / "small_worst_lqr.toml"
     file.write_text(file.read_text() + "# mine\n")
-    line = wrong(capsys, "campaign", folder, "--plant", which, "--out", tmp_path)
-    assert f"{file} is there already with other content: rename or remove it" in line
+    assert f"{file} is there already with other content: rename or remove it" in wrong(
+        capsys, *plant
+    )
     assert file.read_text().endswith("# mine\n")
 
 
-NAMED_LIKE_A_PATH = """
-[[controller]]
-law = "lqr"
-name = "/../../../up/../a.b"
-"""
-
-
 def test_a_name_in_a_folder_leads_nowhere_else(tmp_path: Path) -> None:
-    file = tmp_path / "case.toml"
-    file.write_text(servo(AMPLITUDE, laws=NAMED_LIKE_A_PATH, limits=DEVIATION))
+    named_like_a_path = [{"law": "lqr", "name": "/../../../up/../a.b"}]
+    file = written(tmp_path, under_lqr(numbers=[AMPLITUDE], laws=named_like_a_path))
     out = tmp_path / "deep" / "er" / "out"
     assert run("campaign", file, "--runs", "1", "--out", out, "--no-figures") == cli.DIFFERS
     assert run("campaign", out, "--plant", "0") == cli.DONE
-    (written,) = out.glob("*.toml")
-    assert written.name == "case_0__.._.._.._up_.._a.b.toml"
-    assert set(tmp_path.rglob("*.toml")) == {file, written}
+    (plant,) = out.glob("*.toml")
+    assert plant.name == "small_0__.._.._.._up_.._a.b.toml"
+    assert set(tmp_path.rglob("*.toml")) == {file, plant}

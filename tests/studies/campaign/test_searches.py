@@ -182,7 +182,8 @@ def test_the_worst_sample_has_the_margin_of_its_own_run() -> None:
     assert evaluate(noisy(), "lqr", noisy().values(range(16)))["relative"].min() > 0
     search = noisy_worst()
     assert search.samples == noisy_margins().min()
-    assert search.relative <= noisy_margins().min()
+    # With the random numbers of that run a search does not lose the failure that it begins with.
+    assert search.relative <= search.search <= search.samples
     again = evaluate(noisy(), "lqr", search.values[None], [search.run])
     assert again["relative"].tolist() == [search.relative]
 
