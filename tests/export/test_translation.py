@@ -74,6 +74,9 @@ def arrays_and_loops(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
     # The index changes with the value that is written.
     memory.results[3 + int(memory.k) % 4] = _counted(memory)
     memory.k -= 1
+    # The end of a range is computed once.
+    for _ in range(int(memory.k) % 3):
+        memory.k += 1
     rooms = np.zeros((2, 2))
     for i in range(2):
         rooms[i, 1 - i] = x[i]
