@@ -1,7 +1,8 @@
 """Numbers of laws and of their switching laws, in a case file and by their paths."""
 
-from pathlib import Path
+from typing import Any
 
+import cases
 import pytest
 
 from grosmc_mj.experiments.experiment import Experiment
@@ -9,56 +10,40 @@ from grosmc_mj.experiments.law_numbers import tunable_numbers
 from grosmc_mj.experiments.number import Number
 from grosmc_mj.ground.errors import ArgumentError
 
-CASE = """
-[plant]
-system = "arm"
-[run]
-start = { "joint angle" = "20 deg" }
-duration = "0.02 s"
-[task]
-Q = [10, 1]
-R = 1
-slope = 40
-[laws.layer]
-law = "grosmc"
-k = "5 1/s"
-epsilon = 3
-switching = "boundary-layer"
-width = 3
-[laws.twist]
-law = "grosmc"
-k = 5
-epsilon = 3
-switching = "super-twisting"
-[laws.own-twist]
-law = "grosmc"
-k = 5
-epsilon = 3
-switching = "super-twisting"
-slope = 80
-[laws.pid]
-law = "pid"
-frequency = "4 rad/s"
-[[controller]]
-law = "layer"
-[[controller]]
-law = "twist"
-[[controller]]
-law = "own-twist"
-[[controller]]
-law = "pid"
-"""
+LAWS: dict[str, dict[str, Any]] = {
+    "layer": {
+        "law": "grosmc",
+        "k": "5 1/s",
+        "epsilon": 3,
+        "switching": "boundary-layer",
+        "width": 3,
+    },
+    "twist": {"law": "grosmc", "k": 5, "epsilon": 3, "switching": "super-twisting"},
+    "own-twist": {
+        "law": "grosmc",
+        "k": 5,
+        "epsilon": 3,
+        "switching": "super-twisting",
+        "slope": 80,
+    },
+    "pid": {"law": "pid", "frequency": "4 rad/s"},
+}
 
 
-def load(folder: Path, text: str = CASE) -> Experiment:
-    file = folder / "case.toml"
-    file.write_text(text)
-    return Experiment.load(file)
+def laws(changed: str = "", **numbers: Any) -> Experiment:
+    """The arm under these laws, one of which has further numbers."""
+    tables = LAWS | ({changed: LAWS[changed] | numbers} if changed else {})
+    return cases.case(
+        "arm",
+        task={"Q": [10, 1], "R": 1, "slope": 40},
+        laws=tables,
+        controller=[{"law": name} for name in tables],
+    )
 
 
 @pytest.fixture(scope="module")
-def case(tmp_path_factory: pytest.TempPathFactory) -> Experiment:
-    return load(tmp_path_factory.mktemp("laws"))
+def case() -> Experiment:
+    return laws()
 
 
 def switching_of(case: Experiment, law: str) -> dict[str, float]:
@@ -100,23 +85,22 @@ def test_an_asked_switching_law_reads_its_own_numbers_of_the_law(case: Experimen
 
 
 @pytest.mark.parametrize(
-    ("law", "line", "words"),
+    ("law", "numbers", "words"),
     [
-        ("layer", "share = 0.1", "share is a number of adaptive: .* is 'boundary-layer'"),
-        ("twist", "width = 1", "width is a number of boundary-layer: .* is 'super-twisting'"),
-        ("layer", "widht = 1", "unknown key 'widht': did you mean 'width'"),
-        ("twist", "gain = -1", "gain = -1 must be finite and not negative"),
-        ("twist", 'gain = "big"', "gain = 'big' must be finite and not negative"),
-        ("pid", "gain = 2", "unknown key 'gain'"),
-        ("pid", "kp = 8", "pid needs kp .*, or frequency, .*, not kp and frequency"),
+        ("layer", {"share": 0.1}, "share is a number of adaptive: .* is 'boundary-layer'"),
+        ("twist", {"width": 1}, "width is a number of boundary-layer: .* is 'super-twisting'"),
+        ("layer", {"widht": 1}, "unknown key 'widht': did you mean 'width'"),
+        ("twist", {"gain": -1}, "gain = -1 must be finite and not negative"),
+        ("twist", {"gain": "big"}, "gain = 'big' must be finite and not negative"),
+        ("pid", {"gain": 2}, "unknown key 'gain'"),
+        ("pid", {"kp": 8}, "pid needs kp .*, or frequency, .*, not kp and frequency"),
     ],
 )
 def test_a_number_that_a_law_does_not_have_is_refused(
-    law: str, line: str, words: str, tmp_path: Path
+    law: str, numbers: dict[str, Any], words: str
 ) -> None:
-    begin = f"[laws.{law}]\n"
     with pytest.raises(ArgumentError, match=words):
-        load(tmp_path, CASE.replace(begin, f"{begin}{line}\n"))
+        laws(law, **numbers)
 
 
 def test_a_search_is_offered_the_numbers_of_a_law(case: Experiment) -> None:
@@ -126,10 +110,13 @@ def test_a_search_is_offered_the_numbers_of_a_law(case: Experiment) -> None:
     assert not {"kp", "ki", "kd", "limit", "Q"} & set(of_pid)
 
 
-def test_numbers_that_a_search_is_offered_are_those_of_the_paths(case: Experiment) -> None:
-    for law in ("layer", "twist", "pid"):
-        for key, declared in tunable_numbers(case, law).items():
-            if not declared.each:
-                number = Number.of(case, f"laws.{law}.{key}")
-                assert number.bounds.holds(number.get(case))
-                assert number.bounds == declared
+@pytest.mark.parametrize("law", ["layer", "twist", "pid"])
+def test_numbers_that_a_search_is_offered_are_those_of_the_paths(
+    case: Experiment, law: str
+) -> None:
+    declared = {
+        key: number for key, number in tunable_numbers(case, law).items() if not number.each
+    }
+    numbers = {key: Number.of(case, f"laws.{law}.{key}") for key in declared}
+    assert {key: number.bounds for key, number in numbers.items()} == declared
+    assert all(number.bounds.holds(number.get(case)) for number in numbers.values())

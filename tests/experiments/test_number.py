@@ -1,9 +1,9 @@
 """A number of an experiment: set on the values it is that of the file with the number written."""
 
 from copy import deepcopy
-from pathlib import Path
 from typing import Any
 
+import cases
 import numpy as np
 import pytest
 
@@ -13,91 +13,65 @@ from grosmc_mj.experiments.file.reading import case_file_of
 from grosmc_mj.experiments.number import Number, set_numbers
 from grosmc_mj.simulation.loop import Loop
 
-SERVO = """
-[plant]
-system = "servo"
-[run]
-start = { "rotor angle" = "20 deg" }
-duration = "0.02 s"
-timestep = "0.25 ms"
-control_period = "1 ms"
-[[edit]]
-body = "rotor"
-added_mass = "0.2 kg"
-at = ["0 m", "10 cm", "0 m"]
-[[edit]]
-body = "rotor"
-length_scale = 1.1
-[[edit]]
-joint = "shaft"
-damping = "0.3 N m s/rad"
-[computing]
-delay = "1 ms"
-[[sensor]]
-of = "rotor angle"
-resolution = "1 mrad"
-[[sensor]]
-of = "rotor speed"
-noise = "1 mrad/s"
-[[actuator]]
-of = "current"
-lag = "2 ms"
-[[lugre]]
-joint = "shaft"
-coulomb = "0.05 N m"
-static = "0.07 N m"
-stiffness = "27 N m/rad"
-damping = "0.24 N m s/rad"
-[[motor]]
-input = "current"
-constant = "7.68 mN m/A"
-resistance = "2.6 ohm"
-[[disturbance]]
-input = "current"
-amplitude = "2A"
-label = "load"
-[[disturbance]]
-body = "rotor"
-torque = ["0 N m", "0.1N m", "0 N m"]
-profile = "pulse"
-start = "5 ms"
-stop = "15 ms"
-label = "push"
-[[disturbance]]
-body = "rotor"
-force = ["1 N", "0 N", "2 N"]
-torque = ["0 N m", "0.1 N m", "0 N m"]
-profile = "sine"
-frequency = "1 Hz"
-label = "hum"
-[task]
-R = 1
-[laws.quick]
-law = "grosmc"
-k = 5
-epsilon = 0.1
-[laws.fast]
-law = "pd"
-frequency = 5
-[laws.own-weights]
-law = "lqr"
-Q = [40, 1]
-[[controller]]
-law = "lqr"
-[[controller]]
-law = "quick"
-[[controller]]
-law = "own-weights"
-[[controller]]
-law = "pid"
-kp = 3.0
-ki = 1.0
-kd = 0.1
-[[requirement]]
-input_below = "50 A"
-[[requirement]]
-settles_within = "1 s"
-"""
+TABLES: dict[str, Any] = {
+    "run": {
+        "start": {"rotor angle": "20 deg"},
+        "duration": "0.02 s",
+        "timestep": "0.25 ms",
+        "control_period": "1 ms",
+    },
+    "edit": [
+        {"body": "rotor", "added_mass": "0.2 kg", "at": ["0 m", "10 cm", "0 m"]},
+        {"body": "rotor", "length_scale": 1.1},
+        {"joint": "shaft", "damping": "0.3 N m s/rad"},
+    ],
+    "computing": {"delay": "1 ms"},
+    "sensor": [
+        {"of": "rotor angle", "resolution": "1 mrad"},
+        {"of": "rotor speed", "noise": "1 mrad/s"},
+    ],
+    "actuator": {"of": "current", "lag": "2 ms"},
+    "lugre": {
+        "joint": "shaft",
+        "coulomb": "0.05 N m",
+        "static": "0.07 N m",
+        "stiffness": "27 N m/rad",
+        "damping": "0.24 N m s/rad",
+    },
+    "motor": {"input": "current", "constant": "7.68 mN m/A", "resistance": "2.6 ohm"},
+    "disturbance": [
+        {"input": "current", "amplitude": "2A", "label": "load"},
+        {
+            "body": "rotor",
+            "torque": ["0 N m", "0.1N m", "0 N m"],
+            "profile": "pulse",
+            "start": "5 ms",
+            "stop": "15 ms",
+            "label": "push",
+        },
+        {
+            "body": "rotor",
+            "force": ["1 N", "0 N", "2 N"],
+            "torque": ["0 N m", "0.1 N m", "0 N m"],
+            "profile": "sine",
+            "frequency": "1 Hz",
+            "label": "hum",
+        },
+    ],
+    "task": {"R": 1},
+    "laws": {
+        "quick": {"law": "grosmc", "k": 5, "epsilon": 0.1},
+        "fast": {"law": "pd", "frequency": 5},
+        "own-weights": {"law": "lqr", "Q": [40, 1]},
+    },
+    "controller": [
+        {"law": "lqr"},
+        {"law": "quick"},
+        {"law": "own-weights"},
+        {"law": "pid", "kp": 3.0, "ki": 1.0, "kd": 0.1},
+    ],
+    "requirement": [{"input_below": "50 A"}, {"settles_within": "1 s"}],
+}
 OF_VALUES = [
     "run.duration",
     "run.control_period",
@@ -142,15 +116,9 @@ OF_TABLES = [
 ATTRIBUTES = ("x0", "duration", "edits", "disturbances", "loop", "settings")
 
 
-def load(folder: Path, text: str = SERVO) -> Experiment:
-    path = folder / "case.toml"
-    path.write_text(text, encoding="utf-8")
-    return Experiment.load(path)
-
-
 @pytest.fixture(scope="module")
-def case(tmp_path_factory: pytest.TempPathFactory) -> Experiment:
-    return load(tmp_path_factory.mktemp("number"))
+def case() -> Experiment:
+    return cases.case("servo", **TABLES)
 
 
 def of_content(case: Experiment, content: Any) -> Experiment:
@@ -159,8 +127,8 @@ def of_content(case: Experiment, content: Any) -> Experiment:
 
 
 def require_equal(case: Experiment, other: Experiment) -> None:
-    for name in ATTRIBUTES:
-        assert getattr(case, name) == getattr(other, name), name
+    values = [{name: getattr(e, name) for name in ATTRIBUTES} for e in (case, other)]
+    assert values[0] == values[1]
 
 
 def other_value(number: Number, case: Experiment) -> float:
@@ -193,11 +161,15 @@ def test_a_number_of_a_law_is_that_of_the_written_file(path: str, case: Experime
     written = of_content(case, content)
     assert number.get(changed) == number.get(written) == value
     assert number.get(case) != value
-    for law in ("lqr", "quick", "own-weights", "pid", "lqi"):
-        parameters = changed.law("physics", law).parameters
-        assert repr(parameters) == repr(written.law("physics", law).parameters)
+    assert parameters_of(changed) == parameters_of(written)
     numbers = [limit.number for limit in changed.limits]
     assert numbers == [limit.number for limit in written.limits]
+
+
+def parameters_of(case: Experiment) -> dict[str, str]:
+    """Parameters of all laws, as texts."""
+    laws = ("lqr", "quick", "own-weights", "pid", "lqi")
+    return {law: repr(case.law("physics", law).parameters) for law in laws}
 
 
 def test_a_law_has_numbers_that_the_file_does_not_give(case: Experiment) -> None:
@@ -368,23 +340,26 @@ def test_lists_and_texts_of_one_table_keep_each_other(case: Experiment) -> None:
 
 
 @pytest.mark.parametrize(
-    ("lines", "words"),
+    ("table", "words"),
     [
-        ('body = "rotor"\nmass_scale = [1, 2]', 'write number = "edit.rotor.mass_scale"'),
-        ('joint = "shaft"\ndamping = [0, 1]', 'write number = "edit.shaft.damping"'),
-        ('start = "rotor angle"\nvalue = [0, 1]', 'write number = "run.start.rotor angle"'),
-        ('computing = true\ndelay = ["0 s", "1 s"]', 'write number = "computing.delay"'),
-        ('lugre = "shaft"\ncoulomb = [0, 1]', 'write number = "lugre.shaft.coulomb"'),
-        ('disturbance = "load"\nphase = [0, 1]', 'write number = "disturbance.load.phase"'),
-        ('disturbance = "load"\namplitude = [0, 1]', 'write number = "disturbance.load.scale"'),
-        ('disturbance = "load"\namplitude = [0, 1]', "with nominal = 0"),
+        ({"body": "rotor", "mass_scale": [1, 2]}, 'write number = "edit.rotor.mass_scale"'),
+        ({"joint": "shaft", "damping": [0, 1]}, 'write number = "edit.shaft.damping"'),
+        ({"start": "rotor angle", "value": [0, 1]}, 'write number = "run.start.rotor angle"'),
+        ({"computing": True, "delay": ["0 s", "1 s"]}, 'write number = "computing.delay"'),
+        ({"lugre": "shaft", "coulomb": [0, 1]}, 'write number = "lugre.shaft.coulomb"'),
+        ({"disturbance": "load", "phase": [0, 1]}, 'write number = "disturbance.load.phase"'),
+        (
+            {"disturbance": "load", "amplitude": [0, 1]},
+            'write number = "disturbance.load.scale"',
+        ),
+        ({"disturbance": "load", "amplitude": [0, 1]}, "with nominal = 0"),
     ],
 )
 def test_a_former_uncertain_number_is_refused_with_its_path(
-    lines: str, words: str, tmp_path: Path
+    table: dict[str, Any], words: str
 ) -> None:
     with pytest.raises(gm.GrosmcError) as refusal:
-        load(tmp_path, f"{SERVO}[[uncertain]]\n{lines}\n")
+        cases.case("servo", **TABLES, uncertain=table)
     assert words in str(refusal.value)
     assert "\n" not in str(refusal.value)
 
