@@ -73,7 +73,7 @@ def need_and_bound(plant: AnalyticPlant, x: Array, w: float) -> tuple[float, flo
 def test_the_force_bounds_the_need_of_any_member() -> None:
     """|u_t - u| + f + eta/E_t, from the plants' equations, is within the closed form."""
     random = np.random.default_rng(0)
-    for plant in members(400):
+    for plant in members(60):
         x = random.uniform([-3, -1.5, -5, -8], [3, 1.5, 5, 8])
         needed, bound = need_and_bound(plant, x, random.uniform(-30, 30))
         # Rounding of forces of up to 1e4 N.

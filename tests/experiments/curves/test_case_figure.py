@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from case_texts import load, short_run
+from cases import case
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
@@ -28,24 +28,22 @@ from grosmc_mj.output.charts.figure import drawn
 from grosmc_mj.output.palette import FAILED
 from grosmc_mj.simulation.trajectory import Status
 
-CART = short_run("cart_pendulum", '"pole angle" = "-10 deg"', "1 s")
-JUDGED = """
-[[controller]]
-law = "grosmc"
-[[requirement]]
-deviation_below = "{}"
-[[requirement]]
-state = "cart position"
-stays_within = "40 cm"
-"""
-# The link is pushed through the angle at which its cable has no length.
-PUSH = """
-[[disturbance]]
-body = "link"
-torque = ["0 N m", "50 N m", "0 N m"]
-profile = "constant"
-"""
-PUSHED = short_run("arm", '"joint angle" = "0 rad"', "1 s") + PUSH
+PHYSICS = {"compare": ["physics"]}
+
+
+def cart(deviation: str, **further: Any) -> list[RunResult]:
+    """Runs of a cart under two laws, whose deviation and position have limits."""
+    experiment = case(
+        "cart_pendulum",
+        plant=PHYSICS,
+        run={"start": {"pole angle": "-10 deg"}, "duration": "1 s"},
+        controller=[{"law": "lqr"}, {"law": "grosmc"}],
+        requirement=[
+            {"deviation_below": deviation} | further,
+            {"state": "cart position", "stays_within": "40 cm"},
+        ],
+    )
+    return list(experiment.runs())
 
 
 def figure_of(runs: list[RunResult]) -> Figure:
@@ -66,17 +64,15 @@ def axes_of(figure: Figure, label: str) -> Axes:
 
 
 @pytest.fixture(scope="module")
-def kept(tmp_path_factory: pytest.TempPathFactory) -> Figure:
+def kept() -> Figure:
     """Runs of a cart that deviate by less than their limit."""
-    folder = tmp_path_factory.mktemp("kept")
-    return figure_of(list(load(folder, CART + JUDGED.format("1 rad")).runs()))
+    return figure_of(cart("1 rad"))
 
 
 @pytest.fixture(scope="module")
-def broken(tmp_path_factory: pytest.TempPathFactory) -> Figure:
+def broken() -> Figure:
     """Runs of a cart that deviate and travel further than their limits."""
-    folder = tmp_path_factory.mktemp("broken")
-    return figure_of(list(load(folder, CART + JUDGED.format("1e-9 rad")).runs()))
+    return figure_of(cart("1e-9 rad"))
 
 
 def test_panels_have_their_own_units(kept: Figure) -> None:
@@ -155,23 +151,21 @@ def test_a_limit_about_a_reference_begins_where_it_holds(circle_runs: list[RunRe
 # States as a law sees them
 
 
-LATE = '[computing]\ndelay = "1 ms"\n'
-ESTIMATED_SPEED = '[[estimator]]\nof = "rotor speed"\n'
-NOISY_ANGLE = '[[sensor]]\nof = "rotor angle"\nnoise = "1 mrad"\n'
-NOISY_RATES = """
-[[sensor]]
-of = "shoulder rate"
-noise = "0.1 rad/s"
-[[sensor]]
-of = "elbow rate"
-noise = "1 rad/s"
-"""
-EXACT_SPEED = '[[sensor]]\nof = "rotor speed"\nexact = true\n'
-ESTIMATED_RATE = '[[estimator]]\nof = "shoulder rate"\n'
-SERVO = short_run("servo", '"rotor angle" = "1 rad"', "0.1 s") + LATE
-BENT_ARM = short_run("two_link_arm", '"elbow angle" = "1 rad"', "0.1 s") + LATE
-# The law is not defined there: the run ends at once.
-STRAIGHT_ARM = short_run("two_link_arm", '"shoulder angle" = "1 rad"', "0.1 s") + LATE
+ESTIMATED = {"estimator": {"of": "rotor speed"}}
+NOISY_ANGLE = {"of": "rotor angle", "noise": "1 mrad"}
+EXACT_SPEED = {"of": "rotor speed", "exact": True}
+NOISY_RATES = {
+    "sensor": [
+        {"of": "shoulder rate", "noise": "0.1 rad/s"},
+        {"of": "elbow rate", "noise": "1 rad/s"},
+    ]
+}
+
+
+def late(system: str, start: str, **loop: Any) -> list[RunResult]:
+    """Runs of a law that sees its states a millisecond late."""
+    run = {"start": {start: "1 rad"}}
+    return list(case(system, plant=PHYSICS, run=run, computing={"delay": "1 ms"}, **loop).runs())
 
 
 def rates(figure: Figure) -> dict[str, Axes]:
@@ -185,38 +179,32 @@ def rates(figure: Figure) -> dict[str, Axes]:
 
 
 @pytest.mark.parametrize(
-    ("text", "names"),
+    ("system", "start", "loop", "names"),
     [
-        (SERVO + ESTIMATED_SPEED, ["rotor speed"]),
-        (SERVO + NOISY_ANGLE, ["rotor speed"]),
-        (SERVO + NOISY_ANGLE + EXACT_SPEED, []),
-        (BENT_ARM + NOISY_RATES, ["elbow rate"]),
-        (STRAIGHT_ARM + ESTIMATED_RATE, ["shoulder rate"]),
+        ("servo", "rotor angle", {"sensor": NOISY_ANGLE}, ["rotor speed"]),
+        ("servo", "rotor angle", {"sensor": [NOISY_ANGLE, EXACT_SPEED]}, []),
+        ("two_link_arm", "elbow angle", NOISY_RATES, ["elbow rate"]),
+        # The law is not defined there: the run ends at once.
+        (
+            "two_link_arm",
+            "shoulder angle",
+            {"estimator": {"of": "shoulder rate"}},
+            ["shoulder rate"],
+        ),
     ],
 )
-def test_the_rate_that_is_seen_worst_has_a_panel(tmp_path, text, names) -> None:
-    figure = figure_of(list(load(tmp_path, text).runs()))
-    assert list(rates(figure)) == names
+def test_the_rate_that_is_seen_worst_has_a_panel(system, start, loop, names) -> None:
+    assert list(rates(figure_of(late(system, start, **loop)))) == names
 
 
-@pytest.mark.parametrize(
-    ("text", "name"),
-    [(SERVO + ESTIMATED_SPEED, "rotor speed"), (BENT_ARM + NOISY_RATES, "elbow rate")],
-)
-def test_a_seen_rate_is_distinct_from_the_true_one(tmp_path, text, name) -> None:
-    runs = list(load(tmp_path, text).runs())
-    axes = rates(figure_of(runs))[name]
-    true, seen = axes.lines
-    assert true.get_label() == "true"
-    assert seen.get_label() == "seen by lqr"
-    assert to_hex(true.get_color()) != to_hex(seen.get_color())
-
-
-def test_curves_of_a_rate_that_does_not_jump_are_its_values(tmp_path) -> None:
-    runs = list(load(tmp_path, SERVO + ESTIMATED_SPEED).runs())
+def test_curves_of_a_rate_that_does_not_jump_are_its_values() -> None:
+    """The seen rate is distinct from the true one."""
+    runs = late("servo", "rotor angle", **ESTIMATED)
     axes = rates(figure_of(runs))["rotor speed"]
     assert not axes.collections
     true, seen = axes.lines
+    assert [line.get_label() for line in (true, seen)] == ["true", "seen by lqr"]
+    assert to_hex(true.get_color()) != to_hex(seen.get_color())
     trajectory = runs[0].trajectory
     assert trajectory.seen is not None
     np.testing.assert_array_equal(true.get_ydata(), trajectory.state[:-1, 1])
@@ -228,7 +216,9 @@ def test_curves_of_a_rate_that_does_not_jump_are_its_values(tmp_path) -> None:
 
 @pytest.fixture(scope="module")
 def machine() -> Figure:
-    runs = list(Experiment.load("cart_pendulum/machine").changed(duration=0.2).runs())
+    runs = list(
+        Experiment.load("cart_pendulum/machine").changed(duration=0.2, laws=["lqr"]).runs()
+    )
     return figure_of(runs)
 
 
@@ -269,8 +259,11 @@ def test_an_envelope_of_one_value_is_the_value() -> None:
     assert short.mean.tolist() == [1.0]
 
 
-def test_a_run_that_ended_early_is_marked(tmp_path) -> None:
-    runs = list(load(tmp_path, PUSHED).runs())
+def test_a_run_that_ended_early_is_marked() -> None:
+    """The link is pushed through the angle at which its cable has no length."""
+    push = {"body": "link", "torque": ["0 N m", "50 N m", "0 N m"]}
+    duration = {"duration": "1 s"}
+    runs = list(case("arm", plant=PHYSICS, run=duration, disturbance=push).runs())
     ended = [run for run in runs if run.status is not Status.COMPLETED]
     assert ended
     figure = figure_of(runs)
@@ -298,21 +291,15 @@ def test_curves_are_written_beside_the_results(servo_runs, tmp_path) -> None:
 
 
 @pytest.mark.parametrize("index", [0, 1])
-def test_a_curve_is_near_its_run(servo_runs, document, index) -> None:
+def test_a_curve_has_few_points_of_its_run_and_is_near_it(servo_runs, document, index) -> None:
     trajectory = servo_runs[index].trajectory
     curve = document["panels"][0]["curves"][index]
     true = trajectory.state[:, 0]
     drawn = np.interp(trajectory.time, curve["t"], curve["y"])
     # A line between points that are rounded to seven digits.
     assert np.abs(drawn - true).max() <= 5e-4 * np.ptp(true) + 1e-6
-
-
-@pytest.mark.parametrize("index", [0, 1])
-def test_a_curve_has_few_points_of_its_run(servo_runs, document, index) -> None:
-    time = servo_runs[index].trajectory.time
-    curve = document["panels"][0]["curves"][index]
-    assert len(curve["t"]) < len(time) / 20
-    assert set(curve["t"]) <= {float(f"{t:.7g}") for t in time.tolist()}
+    assert len(curve["t"]) < len(trajectory.time) / 20
+    assert set(curve["t"]) <= {float(f"{t:.7g}") for t in trajectory.time.tolist()}
 
 
 def test_a_curve_that_jumps_has_its_range(servo_runs, document) -> None:
@@ -327,35 +314,27 @@ def test_a_curve_that_jumps_has_its_range(servo_runs, document) -> None:
     assert max(largest) == pytest.approx(true.max(), rel=1e-6)
 
 
-def test_a_document_has_the_disturbances_within_the_run(document) -> None:
+def test_a_document_has_the_disturbances_within_the_run_and_levels_of_limits(document) -> None:
     (disturbance,) = document["disturbances"]
-    assert disturbance["start"] == 10.0
-    assert disturbance["stop"] == 11.0
-
-
-def test_a_document_has_the_levels_of_limits(document) -> None:
+    assert (disturbance["start"], disturbance["stop"]) == (10.0, 11.0)
     deviation = document["panels"][1]
     levels = {level for limit in deviation["limits"] for level in limit["y"]}
     assert levels == {0.002, -0.002}
 
 
-ALL_FAIL = """
-[[requirement]]
-settles_within = "0.05 s"
-cost_ratio_below = 0.01
-stays_within = "1 urad"
-rms_below = "1 urad"
-after = "0.05 s"
-deviation_below = "1 nrad"
-input_below = "1 uA"
-"""
-
-
-def test_every_requirement_that_is_not_kept_is_named(tmp_path) -> None:
+def test_every_requirement_that_is_not_kept_is_named() -> None:
     """A mean square and a cost have no panel."""
-    results = list(
-        load(tmp_path, short_run("servo", '"rotor angle" = "0 rad"', "0.1 s") + ALL_FAIL).runs()
-    )
+    limits = {
+        "settles_within": "0.05 s",
+        "cost_ratio_below": 0.01,
+        "stays_within": "1 urad",
+        "rms_below": "1 urad",
+        "after": "0.05 s",
+        "deviation_below": "1 nrad",
+        "input_below": "1 uA",
+    }
+    run = {"duration": "0.1 s"}
+    results = list(case("servo", plant=PHYSICS, run=run, requirement=limits).runs())
     failed = {
         item.requirement.words for run in results for item in run.requirements if not item.kept
     }
@@ -394,15 +373,9 @@ def test_a_quantity_that_no_run_has_is_refused_with_those_that_there_are(
         panel_of(arm_runs, "cart position")
 
 
-INPUT = '\n[[requirement]]\ninput_below = "{}"\n'
-
-
 @pytest.mark.parametrize(("limit", "first"), [("1e3 N", "deviation"), ("1 mN", "force")])
-def test_a_figure_opens_with_the_requirement_that_binds(
-    tmp_path_factory: pytest.TempPathFactory, limit: str, first: str
-) -> None:
-    text = CART + JUDGED.format("1e-4 rad") + INPUT.format(limit)
-    runs = list(load(tmp_path_factory.mktemp("binding"), text).runs())
+def test_a_figure_opens_with_the_requirement_that_binds(limit: str, first: str) -> None:
+    runs = cart("1e-4 rad", input_below=limit)
     chart = experiment_chart(runs)
     assert chart.rows[0][0].y.title.startswith(first)
     # None is lost, and none is drawn twice.
