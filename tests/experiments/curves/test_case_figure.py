@@ -216,9 +216,7 @@ def test_curves_of_a_rate_that_does_not_jump_are_its_values() -> None:
 
 @pytest.fixture(scope="module")
 def machine() -> Figure:
-    runs = list(
-        Experiment.load("cart_pendulum/machine").changed(duration=0.2, laws=["lqr"]).runs()
-    )
+    runs = list(Experiment.load("cart_pendulum/machine").changed(duration=0.2).runs())
     return figure_of(runs)
 
 
