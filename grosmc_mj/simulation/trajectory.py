@@ -131,11 +131,14 @@ class Trajectory:
             f"0 to {self.time[-1]:g} s, {', '.join(endings)})"
         )
 
-    def to_arrow(self, *, sliding_unit: str = "") -> Any:
+    def to_arrow(
+        self, *, sliding_unit: str = "", further: Mapping[str, tuple[str, Array]] | None = None
+    ) -> Any:
         """Return the signals of one run as a ``pyarrow.Table``; a column each, see ``save``.
 
         Args:
             sliding_unit: Unit of s, which the law's design knows.
+            further: Unit and values at all instants, (N + 1,), of further columns by their names.
 
         Raises:
             ArgumentError: For a batch.
@@ -158,6 +161,7 @@ class Trajectory:
             held[: len(rows)] = rows.reshape(len(rows), len(names))
             for name, (_, unit), values in zip(names, labels, held.T, strict=True):
                 columns[name] = unit, values
+        columns.update(further or {})
 
         about = {
             "system": self.system.name,
@@ -209,7 +213,13 @@ class Trajectory:
             signals.append((name, _numbered(name, "", rows), rows))
         return [(name, labels, rows) for name, labels, rows in signals if rows is not None]
 
-    def save(self, path: str | Path, *, sliding_unit: str = "") -> Path:
+    def save(
+        self,
+        path: str | Path,
+        *,
+        sliding_unit: str = "",
+        further: Mapping[str, tuple[str, Array]] | None = None,
+    ) -> Path:
         """Write one run as ``.parquet`` or ``.csv``, by the ending.
 
         A column is a signal with its unit: ``time``, each state by its name, the inputs as they
@@ -222,6 +232,8 @@ class Trajectory:
         Args:
             path: The file.
             sliding_unit: Unit of s, which the law's design knows.
+            further: Unit and values at all instants, (N + 1,), of further columns by their names;
+                ``load_trajectory`` leaves them out.
 
         Returns:
             Where it is.
@@ -236,7 +248,7 @@ class Trajectory:
         if file.suffix not in _FORMATS:
             raise ArgumentError(unknown_name("ending", file.suffix, _FORMATS))
 
-        table = self.to_arrow(sliding_unit=sliding_unit)
+        table = self.to_arrow(sliding_unit=sliding_unit, further=further)
         with atomic_write(file) as part:
             if file.suffix == _PARQUET:
                 pyarrow.parquet.write_table(table, part)

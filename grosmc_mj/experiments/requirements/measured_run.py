@@ -19,6 +19,7 @@ from grosmc_mj.experiments.requirements.run_metrics import (
     rows_of,
     usual_metrics,
 )
+from grosmc_mj.experiments.requirements.signals import references_and_errors
 from grosmc_mj.ground.arrays import Array, as_rows
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 from grosmc_mj.theory.control.controller import Controller
@@ -162,6 +163,15 @@ class MeasuredRun:
         return self.trajectory.status  # pyright: ignore[reportReturnType]
 
     def save(self, path: str | Path) -> Path:
-        """Write the trajectory as ``.parquet`` or ``.csv``; see ``Trajectory.save``."""
-        unit = self.controller.design.sliding_unit if self.controller.design else ""
-        return self.trajectory.save(path, sliding_unit=unit)
+        """Write the trajectory as ``.parquet`` or ``.csv``, see ``Trajectory.save``.
+
+        Of a law that follows a reference there is also a column of each reference and error.
+        """
+        design = self.controller.design
+        if design is None:
+            return self.trajectory.save(path)
+        return self.trajectory.save(
+            path,
+            sliding_unit=design.sliding_unit,
+            further=references_and_errors(self.trajectory, self.controller),
+        )

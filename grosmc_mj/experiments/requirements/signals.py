@@ -45,6 +45,18 @@ def named_units(law: Controller, sliding_unit: str) -> dict[str, str]:
     return units
 
 
+def references_and_errors(run: Trajectory, law: Controller) -> dict[str, tuple[str, Array]]:
+    """Return unit and values (N + 1,) of each reference and of each error that a law follows."""
+    error = law.designed.error
+    reference = error.reference_along(run.time, law.parameters.reference)
+    z = error.along(run.time, run.state, law.parameters)
+    columns = {}
+    for i, (name, unit) in enumerate(zip(error.names, error.units, strict=True)):
+        columns[f"{name} reference"] = (unit, reference[:, i])
+        columns[f"{name} error"] = (unit, z[:, i])
+    return columns
+
+
 def sliding_names(count: int) -> list[str]:
     """Return the names of so many sliding variables."""
     if count == 1:
