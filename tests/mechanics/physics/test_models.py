@@ -57,20 +57,10 @@ def test_the_file_says_how_it_is_stepped(shipped: mujoco.MjModel) -> None:
     assert shipped.opt.disableflags & CONTACT
 
 
-def camera_mode(model: mujoco.MjModel, name: str) -> int:
-    return int(model.cam_mode[model.camera(name).id])
-
-
-def test_one_camera_is_fixed(shipped: mujoco.MjModel) -> None:
-    assert camera_mode(shipped, "fixed") == mujoco.mjtCamLight.mjCAMLIGHT_FIXED
-
-
-def test_one_camera_follows(shipped: mujoco.MjModel) -> None:
-    assert camera_mode(shipped, "follow") != mujoco.mjtCamLight.mjCAMLIGHT_FIXED
-
-
-def test_the_file_has_a_light(shipped: mujoco.MjModel) -> None:
+def test_the_file_has_a_light_a_fixed_camera_and_one_that_follows(shipped: mujoco.MjModel) -> None:
     assert shipped.nlight > 0
+    modes = {name: shipped.cam_mode[shipped.camera(name).id] for name in ("fixed", "follow")}
+    assert modes["fixed"] == mujoco.mjtCamLight.mjCAMLIGHT_FIXED != modes["follow"]
 
 
 def test_a_positive_rate_turns_counter_clockwise(shipped: mujoco.MjModel, name: str) -> None:
@@ -94,7 +84,7 @@ def test_the_servo_has_the_numbers_of_the_chapter() -> None:
     assert not model.actuator_ctrllimited[0]
 
 
-@pytest.mark.parametrize("angle", np.linspace(-3, 3, 13))
+@pytest.mark.parametrize("angle", [-3.0, -0.5, 1.2])
 def test_the_pendulum_has_the_mass_matrix_of_the_chapter(angle: float) -> None:
     coupling = -0.1 * math.cos(angle)
     expected = [[1.2, coupling], [coupling, 0.2 / 3]]
@@ -102,7 +92,7 @@ def test_the_pendulum_has_the_mass_matrix_of_the_chapter(angle: float) -> None:
     np.testing.assert_allclose(M, expected, rtol=0, atol=1e-15)
 
 
-@pytest.mark.parametrize("angle", np.linspace(-3, 3, 13))
+@pytest.mark.parametrize("angle", [-3.0, -0.5, 1.2])
 def test_the_two_links_have_their_mass_matrix(angle: float) -> None:
     """With the numbers in the head of the file: J1 = 0.425, J2 = 0.128/1.5, h = 0.14."""
     J1 = 0.425
@@ -115,7 +105,7 @@ def test_the_two_links_have_their_mass_matrix(angle: float) -> None:
     np.testing.assert_allclose(by_hand, expected, atol=1e-15)
 
 
-@pytest.mark.parametrize("angle", np.linspace(-3, 3, 13))
+@pytest.mark.parametrize("angle", [-3.0, -0.5, 1.2])
 def test_the_tip_is_where_the_angles_of_both_links_lead(angle: float) -> None:
     """They are counter-clockwise, the first from the right, the second from the first link."""
     data = data_at(load_model("two_link_arm"), 0.7, angle)
@@ -145,32 +135,13 @@ def test_the_arm_has_the_energy_true_bias_of_eq_57(q: float) -> None:
     assert data.qfrc_bias[0] == pytest.approx(bias, abs=1e-12)
 
 
-# Broken files
+# Broken files.
 
-NO_XML = "hello"
-MISSING_INCLUDE = """
-<mujoco model="servo"><include file="nowhere.xml"/></mujoco>
-"""
-NEGATIVE_MASS = """
-<mujoco model="servo"><worldbody><body name="rotor"><joint name="shaft"/>
-  <geom size="0.1" mass="-1"/></body></worldbody>
-  <actuator><motor name="current" joint="shaft"/></actuator></mujoco>
-"""
-OTHER_ACTUATOR = """
-<mujoco model="servo"><worldbody><body name="rotor"><joint name="shaft"/>
-  <geom size="0.1" mass="1"/></body></worldbody>
-  <actuator><motor name="voltage" joint="shaft"/></actuator></mujoco>
-"""
-OTHER_JOINT = """
-<mujoco model="servo"><worldbody><body name="rotor"><joint name="axle"/>
-  <geom size="0.1" mass="1"/></body></worldbody>
-  <actuator><motor name="current" joint="axle"/></actuator></mujoco>
-"""
-WITH_AUTORESET = """
-<mujoco model="servo"><worldbody><body name="rotor"><joint name="shaft"/>
-  <geom size="0.1" mass="1"/></body></worldbody>
-  <actuator><motor name="current" joint="shaft"/></actuator></mujoco>
-"""
+
+def rotor(joint: str = "shaft", actuator: str = "current", mass: float = 1.0) -> str:
+    return f"""<mujoco model="servo"><worldbody><body name="rotor"><joint name="{joint}"/>
+      <geom size="0.1" mass="{mass}"/></body></worldbody>
+      <actuator><motor name="{actuator}" joint="{joint}"/></actuator></mujoco>"""
 
 
 def use_as_servo(text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -179,22 +150,17 @@ def use_as_servo(text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(files, "_FOLDERS", (folder,))
 
 
+HAS = r"servo: the model has joints \('{}',\) and actuators \('{}',\), must have \('shaft',\) and"
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (NO_XML, "servo"),
-        (MISSING_INCLUDE, "servo"),
-        (NEGATIVE_MASS, "servo"),
-        (
-            OTHER_ACTUATOR,
-            r"servo: the model has joints \('shaft',\) and actuators \('voltage',\), must have "
-            r"\('shaft',\) and \('c",
-        ),
-        (
-            OTHER_JOINT,
-            r"servo: the model has joints \('axle',\) and actuators \('current',\), must have "
-            r"\('shaft',\) and \('c",
-        ),
+        ("hello", "servo"),
+        ('<mujoco model="servo"><include file="nowhere.xml"/></mujoco>', "servo"),
+        (rotor(mass=-1), "servo"),
+        (rotor(actuator="voltage"), HAS.format("shaft", "voltage")),
+        (rotor(joint="axle"), HAS.format("axle", "current")),
     ],
 )
 def test_a_broken_file_is_refused_in_one_line(
@@ -210,7 +176,7 @@ def test_autoreset_is_disabled_in_every_model(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A diverged run that starts again in silence would be a verdict on another run."""
-    use_as_servo(WITH_AUTORESET, tmp_path, monkeypatch)
+    use_as_servo(rotor(), tmp_path, monkeypatch)
     flags_of_file = load_model("servo").opt.disableflags
     assert not flags_of_file & AUTORESET
     assert MujocoPlant.load("servo").model.opt.disableflags == flags_of_file | AUTORESET
