@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
-from case_texts import LEG_MODEL, short_run, short_step
+from cases import case
 from mjcf import TREE
+from own_files import LEG
 
 from grosmc_mj.experiments.assumptions.audit import run_audit
 from grosmc_mj.experiments.assumptions.loads import idle_loads
@@ -32,89 +34,83 @@ def motor():
         parameters={"k": 5, "R": 50},
     )
 """
-OWN = """
-[plant]
-plant = "own:motor"
-[run]
-duration = "0.1 s"
-engine = "python"
-[task]
-Q = [100, 1, 1]
-R = 1
-[[controller]]
-law = "{law}"
-{load}
-"""
-TRANSMISSION = """
-[[transmission]]
-joint = "shaft"
-inertia = "2e-3 kg m^2"
-stiffness = "100 N m/rad"
-"""
-LEG = """
-[plant]
-model = "leg.xml"
-[run]
-start = {{ hip = "10 deg" }}
-duration = "0.05 s"
-engine = "python"
-[task]
-Q = {{ hip = 100, knee = 100 }}
-R = 1
-[[controller]]
-law = "lqr"
-[[disturbance]]
-body = "shank"
-{wrench}
-"""
+PYTHON = {"engine": "python"}
 
 
-def servo(wrench: str, plant: str = "physics") -> str:
-    """Servo under a wrench on its rotor."""
-    return short_step(plant=plant) + f'[[disturbance]]\nbody = "rotor"\n{wrench}\n'
-
-
-def lines(folder: Path, text: str) -> tuple[list[str], list[str]]:
-    """Notes on idle and on unmatched loads of a case file."""
+def motor(folder: Path, law: str = "lqr", **tables: Any) -> Experiment:
+    """The motor under a law."""
     (folder / "own.py").write_text(MOTOR, encoding="utf-8")
-    (folder / "leg.xml").write_text(LEG_MODEL, encoding="utf-8")
-    path = folder / "mine.toml"
-    path.write_text(text, encoding="utf-8")
-    experiment = Experiment.load(path)
+    task = {"Q": [100, 1, 1], "R": 1}
+    return case("own:motor", law=law, folder=folder, **({"run": PYTHON, "task": task} | tables))
+
+
+def leg(folder: Path, *loads: dict[str, Any]) -> Experiment:
+    """A robot of two joints in a vertical plane."""
+    (folder / "leg.xml").write_text(LEG, encoding="utf-8")
+    return case(
+        "leg.xml",
+        folder=folder,
+        run={"start": {"hip": "10 deg"}} | PYTHON,
+        task={"Q": {"hip": 100, "knee": 100}, "R": 1},
+        disturbance=list(loads),
+    )
+
+
+def servo(load: dict[str, Any], plant: str = "physics", law: str = "lqr", **more: Any) -> Any:
+    """The servo under a load."""
+    run = {"start": {"rotor angle": "0.1 rad"}} | PYTHON
+    return case("servo", law=law, plant={"compare": [plant]}, run=run, disturbance=load, **more)
+
+
+def idle_and_unmatched(experiment: Experiment) -> tuple[list[str], list[str]]:
+    """Notes on loads that move no joint, and on those that no input matches."""
     runs = list(experiment.runs())
     return idle_loads(runs), unmatched(experiment, runs)
 
 
-ACTS = 'torque = ["0 N m", "0.1 N m", "0 N m"]'
-IDLE = 'torque = ["0 N m", "0 N m", "0.1 N m"]'
-BOTH = 'torque = ["0 N m", "0.1 N m", "0.1 N m"]'
+def torque(x: float = 0, y: float = 0, z: float = 0, body: str = "rotor") -> dict[str, Any]:
+    return {"body": body, "torque": [f"{x} N m", f"{y} N m", f"{z} N m"]}
+
+
+def force(x: float = 0, y: float = 0, z: float = 0, body: str = "shank") -> dict[str, Any]:
+    return {"body": body, "force": [f"{x} N", f"{y} N", f"{z} N"]}
+
+
+TRANSMISSION = {
+    "transmission": {"joint": "shaft", "inertia": "2e-3 kg m^2", "stiffness": "100 N m/rad"}
+}
 NOTHING = "the torque about z on rotor moves no joint: the disturbance does nothing"
 PART = "the torque about z on rotor moves no joint: the rest of the disturbance acts"
 
 
-@pytest.mark.parametrize("machine", ["", TRANSMISSION])
+@pytest.mark.parametrize("machine", [{}, TRANSMISSION], ids=["rigid", "machine"])
 @pytest.mark.parametrize("plant", ["corrected", "physics"])
 @pytest.mark.parametrize(
-    ("wrench", "expected"),
-    [(ACTS, []), (IDLE, [NOTHING]), (BOTH, [PART]), ('torque = ["0 N m", "0 N m", "0 N m"]', [])],
+    ("load", "expected"),
+    [
+        (torque(y=0.1), []),
+        (torque(z=0.1), [NOTHING]),
+        (torque(y=0.1, z=0.1), [PART]),
+        (torque(), []),
+    ],
 )
 def test_a_torque_across_the_axis_of_the_rotor_moves_no_joint(
-    tmp_path, plant, machine, wrench, expected
+    plant, machine, load, expected
 ) -> None:
-    idle, _ = lines(tmp_path, servo(wrench, plant) + machine)
+    idle, _ = idle_and_unmatched(servo(load, plant, **machine))
     assert idle == expected
 
 
 @pytest.mark.parametrize(
-    ("wrench", "expected"),
+    ("load", "expected"),
     [
-        ('force = ["0 N", "0 N", "1 N"]', []),
+        (force(z=1), []),
         (
-            'force = ["0 N", "1 N", "0 N"]',
+            force(y=1),
             ["the force along y on shank moves no joint: the disturbance does nothing"],
         ),
         (
-            'torque = ["1 N m", "0 N m", "1 N m"]',
+            torque(x=1, z=1, body="shank"),
             [
                 "the torque about x and the torque about z on shank move no joint: the "
                 "disturbance does nothing"
@@ -122,14 +118,14 @@ def test_a_torque_across_the_axis_of_the_rotor_moves_no_joint(
         ),
     ],
 )
-def test_a_wrench_out_of_the_plane_of_a_robot_moves_no_joint(tmp_path, wrench, expected) -> None:
-    idle, _ = lines(tmp_path, LEG.format(wrench=wrench))
-    assert idle == expected
+def test_a_wrench_out_of_the_plane_of_a_robot_moves_no_joint(tmp_path, load, expected) -> None:
+    """With a torque at each joint every load is matched."""
+    assert idle_and_unmatched(leg(tmp_path, load)) == (expected, [])
 
 
-def test_a_pulse_after_the_run_is_no_load_of_it(tmp_path) -> None:
-    pulse = f'{IDLE}\nprofile = "pulse"\nstart = "5 s"\nstop = "6 s"'
-    assert lines(tmp_path, servo(pulse)) == ([], [])
+def test_a_pulse_after_the_run_is_no_load_of_it() -> None:
+    pulse = {"profile": "pulse", "start": "5 s", "stop": "6 s"}
+    assert idle_and_unmatched(servo(torque(z=0.1) | pulse)) == ([], [])
 
 
 def test_generalized_forces_are_the_work_of_a_wrench_on_small_motions() -> None:
@@ -164,9 +160,8 @@ def test_axes_of_joints_turn_with_their_bodies() -> None:
     np.testing.assert_allclose(axes["lift"], [np.sin(turn), -np.cos(turn), 0], atol=1e-12)
 
 
-LOAD_ON_SPEED = '[[disturbance]]\nstate = "speed"\namplitude = "4 rad/s^2"'
-LOAD_ON_CURRENT = '[[disturbance]]\nstate = "current"\namplitude = "4 A/s"'
-LOAD_ON_INPUT = '[[disturbance]]\ninput = "voltage"\namplitude = "1 V"'
+ON_SPEED = {"state": "speed", "amplitude": "4 rad/s^2"}
+ON_VOLTAGE = {"input": "voltage", "amplitude": "1 V"}
 
 
 @pytest.mark.parametrize("law", ["lqr", "fl-lqr"])
@@ -174,48 +169,38 @@ LOAD_ON_INPUT = '[[disturbance]]\ninput = "voltage"\namplitude = "1 V"'
     ("load", "expected"),
     [
         (
-            LOAD_ON_SPEED,
+            ON_SPEED,
             [
                 "the load on speed is unmatched: no switching term rejects it (up to 4 rad/s^2 in "
                 "z' where no input acts)"
             ],
         ),
-        (LOAD_ON_CURRENT, []),
-        (LOAD_ON_INPUT, []),
+        ({"state": "current", "amplitude": "4 A/s"}, []),
+        (ON_VOLTAGE, []),
     ],
 )
 def test_a_load_of_a_plant_of_ones_own_is_matched_where_its_input_acts(
     tmp_path, law, load, expected
 ) -> None:
-    idle, not_matched = lines(tmp_path, OWN.format(law=law, load=load))
-    assert idle == []
-    assert not_matched == expected
-
-
-ON_CURRENT = '[[disturbance]]\ninput = "current"\namplitude = "1 A"\n'
-ON_HIP = 'force = ["0 N", "0 N", "0 N"]\n[[disturbance]]\ninput = "hip"\namplitude = "1 N m"'
+    assert idle_and_unmatched(motor(tmp_path, law, disturbance=load)) == ([], expected)
 
 
 @pytest.mark.parametrize(
-    "text",
-    [
-        short_step("grosmc", "corrected") + ON_CURRENT,
-        short_step("grosmc", "physics") + ON_CURRENT,
-        short_step("lqr", "physics") + ON_CURRENT,
-        LEG.format(wrench=ON_HIP),
-    ],
-    ids=["equations", "GROSMC in MuJoCo", "LQR in MuJoCo", "a robot"],
+    ("law", "plant"), [("grosmc", "corrected"), ("grosmc", "physics"), ("lqr", "physics")]
 )
-def test_a_disturbance_of_an_input_is_matched_on_every_plant(tmp_path, text) -> None:
-    assert lines(tmp_path, text) == ([], [])
+def test_a_disturbance_of_an_input_is_matched_on_every_plant(law: str, plant: str) -> None:
+    load = {"input": "current", "amplitude": "1 A"}
+    assert idle_and_unmatched(servo(load, plant, law)) == ([], [])
 
 
-@pytest.mark.parametrize(("load", "holds"), [(LOAD_ON_SPEED, False), (LOAD_ON_INPUT, True)])
+def test_a_disturbance_of_a_robot_s_input_is_matched(tmp_path) -> None:
+    load = {"input": "hip", "amplitude": "1 N m"}
+    assert idle_and_unmatched(leg(tmp_path, force(), load)) == ([], [])
+
+
+@pytest.mark.parametrize(("load", "holds"), [(ON_SPEED, False), (ON_VOLTAGE, True)])
 def test_a_load_where_no_input_acts_breaks_the_premise_of_matching(tmp_path, load, holds) -> None:
-    (tmp_path / "own.py").write_text(MOTOR, encoding="utf-8")
-    path = tmp_path / "mine.toml"
-    path.write_text(OWN.format(law="fl-lqr", load=load), encoding="utf-8")
-    audit = run_audit(Experiment.load(path).run())
+    audit = run_audit(motor(tmp_path, "fl-lqr", disturbance=load).run())
     (matching,) = [premise for premise in audit.premises if premise.name == "matching"]
     assert matching.region is not None
     assert matching.along is not None
@@ -228,29 +213,26 @@ def test_a_change_of_a_plant_of_ones_own_is_matched_where_its_input_acts(
     tmp_path, parameter, matched
 ) -> None:
     """The winding's resistance acts where the voltage does; the torque constant on the speed."""
-    edit = f'[run.start]\ncurrent = "1 A"\n[[edit]]\nparameter = "{parameter}"\nscale = 1.1'
-    _, not_matched = lines(tmp_path, OWN.format(law="fl-lqr", load=edit))
+    edit = {"parameter": parameter, "scale": 1.1}
+    run = {"start": {"current": "1 A"}} | PYTHON
+    _, not_matched = idle_and_unmatched(motor(tmp_path, "fl-lqr", run=run, edit=edit))
     change = "the difference of the plant from the one that laws know is unmatched"
     assert [line.partition(":")[0] for line in not_matched] == [change] * (not matched)
 
 
 @pytest.mark.parametrize(
     ("law", "body", "matched"),
-    [
-        ("grosmc", "pole", True),
-        ("cart-ism", "pole", False),
-        ("cart-ism", "cart", True),
-    ],
+    [("grosmc", "pole", True), ("cart-ism", "pole", False), ("cart-ism", "cart", True)],
 )
 def test_a_force_on_the_pole_is_matched_for_its_angle_and_not_for_all_states(
-    tmp_path, law, body, matched
+    law: str, body: str, matched: bool
 ) -> None:
-    cart = short_run("cart_pendulum", '"pole angle" = "2 deg"', "0.05 s", law=law, engine="python")
-    force = f'[[disturbance]]\nbody = "{body}"\nforce = ["1 N", "0 N", "0 N"]\n'
-    _, not_matched = lines(tmp_path, cart + force)
+    experiment = case(
+        "cart_pendulum",
+        law=law,
+        plant={"compare": ["physics"]},
+        run={"start": {"pole angle": "2 deg"}} | PYTHON,
+        disturbance=force(x=1, body=body),
+    )
+    _, not_matched = idle_and_unmatched(experiment)
     assert (not_matched == []) == matched
-
-
-def test_a_load_on_a_robot_with_a_torque_at_each_joint_is_matched(tmp_path) -> None:
-    _, not_matched = lines(tmp_path, LEG.format(wrench='force = ["0 N", "0 N", "1 N"]'))
-    assert not_matched == []
