@@ -12,7 +12,6 @@ import pytest
 import sympy as sp
 from hand_written import HAND_WRITTEN
 
-from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import PremiseError
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.theory.control.coordinates.feedback_linearization import (
@@ -53,17 +52,12 @@ def test_feedback_linearization_is_the_row_of_the_acceleration(name: str) -> Non
     p = MujocoPlant.load(name).analytic().parameters
     hand = HAND_WRITTEN[name]
 
-    random = np.random.default_rng(0)
-    for _ in range(20):  # E is regular: |angle| < 1.4
-        position = random.uniform(-1.4, 1.4, n)
-        rates = random.normal(0, 3, n)
-        x = np.concatenate([position, rates])
-        (K,) = chains.nonlinearity(x, p)
-        (E,) = chains.decoupling_matrix(x, p)
-        rounding = 1e-14 * hand.size(x, p)
-        assert chains.transformation(x, p) == (x[system.output], x[velocity])
-        assert pytest.approx(hand.drift(x, p)[velocity], rel=0, abs=rounding) == K
-        assert pytest.approx(hand.input_matrix(x, p)[velocity], rel=1e-14) == E
+    x = np.array([0.7, -1.3, 2.0, -4.0]) if n == 2 else np.array([-1.3, -4.0])
+    rounding = 1e-14 * hand.size(x, p)
+    assert chains.transformation(x, p) == (x[system.output], x[velocity])
+    assert chains.nonlinearity(x, p) == pytest.approx([hand.drift(x, p)[velocity]], abs=rounding)
+    E = hand.input_matrix(x, p)[velocity]
+    assert chains.decoupling_matrix(x, p) == pytest.approx([E], rel=1e-14)
 
 
 # A plant of the third order
@@ -84,48 +78,38 @@ def motor(*, load: bool) -> Equations:
 
 
 MOTOR = SimpleNamespace(J=0.02, B=0.1, Kt=0.7, L=0.05, R=1.3)
-MOTOR_STATES = np.random.default_rng(3).normal(0, 2, (12, 3))
+# Angle, rate and current, with the acceleration, and the jerk without a voltage, by hand.
+ANGLE, RATE, CURRENT = MOTOR_STATE = np.array([0.4, -2.1, 1.7])
+ACCELERATION = (MOTOR.Kt * CURRENT - MOTOR.B * RATE) / MOTOR.J
+CURRENT_RATE = -(MOTOR.R * CURRENT + MOTOR.Kt * RATE) / MOTOR.L
+JERK = (MOTOR.Kt * CURRENT_RATE - MOTOR.B * ACCELERATION) / MOTOR.J
 
 
-def motor_acceleration(x: Array) -> float:
-    _, rate, i = x
-    return (MOTOR.Kt * i - MOTOR.B * rate) / MOTOR.J
+@pytest.fixture(scope="module")
+def motor_chains() -> FeedbackLinearization:
+    return feedback_linearization(motor(load=True))
 
 
-def test_motor_with_inductance_is_a_chain_of_three() -> None:
-    chains = feedback_linearization(motor(load=True))
-    assert chains.relative_degree == (3,)
-    assert chains.complete
-    np.testing.assert_array_equal(chains.A, np.eye(3, k=1))
-    np.testing.assert_array_equal(chains.B, [[0], [0], [1]])
+def test_motor_with_inductance_is_a_chain_of_three(motor_chains: FeedbackLinearization) -> None:
+    assert motor_chains.relative_degree == (3,)
+    assert motor_chains.complete
+    np.testing.assert_array_equal(motor_chains.A, np.eye(3, k=1))
+    np.testing.assert_array_equal(motor_chains.B, [[0], [0], [1]])
 
 
-def test_matrices_of_the_motor_are_those_by_hand() -> None:
-    p = MOTOR
-    chains = feedback_linearization(motor(load=True))
-    for x in MOTOR_STATES:
-        angle, rate, i = x
-        acceleration = motor_acceleration(x)
-        z = [angle, rate, acceleration]
-        np.testing.assert_allclose(chains.transformation(x, p), z, rtol=1e-13)
-
-        (K,) = chains.nonlinearity(x, p)
-        current_rate = -(p.R * i + p.Kt * rate) / p.L
-        jerk = (p.Kt * current_rate - p.B * acceleration) / p.J
-        largest = p.Kt * p.R * i / p.L / p.J
-        terms = abs(largest) + abs(p.B * acceleration / p.J)
-        assert pytest.approx(jerk, rel=0, abs=1e-13 * terms) == K
-
-        (E,) = chains.decoupling_matrix(x, p)
-        assert pytest.approx(p.Kt / p.J / p.L, rel=1e-15) == E
+def test_matrices_of_the_motor_are_those_by_hand(motor_chains: FeedbackLinearization) -> None:
+    z = motor_chains.transformation(MOTOR_STATE, MOTOR)
+    assert z == pytest.approx([ANGLE, RATE, ACCELERATION], rel=1e-13)
+    assert motor_chains.nonlinearity(MOTOR_STATE, MOTOR) == pytest.approx([JERK], rel=1e-12)
+    E = MOTOR.Kt / MOTOR.J / MOTOR.L
+    assert motor_chains.decoupling_matrix(MOTOR_STATE, MOTOR) == pytest.approx([E], rel=1e-14)
 
 
-def test_a_state_of_the_motor_is_found_from_its_outputs() -> None:
-    chains = feedback_linearization(motor(load=True))
-    for x in MOTOR_STATES:
-        z = np.array([x[0], x[1], motor_acceleration(x)])
-        placed = chains.place(z, MOTOR, np.zeros(3))
-        np.testing.assert_allclose(placed, x, rtol=0, atol=1e-9)
+def test_a_state_of_the_motor_is_found_from_its_outputs(
+    motor_chains: FeedbackLinearization,
+) -> None:
+    placed = motor_chains.place(np.array([ANGLE, RATE, ACCELERATION]), MOTOR, np.zeros(3))
+    np.testing.assert_allclose(placed, MOTOR_STATE, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -141,11 +125,9 @@ def test_disturbances_of_the_motor_reach_z_as_by_hand(
 ) -> None:
     """A load is in the row of y'', where no input is: Assumption 5 fails for it."""
     equations = motor(load=load)
-    chains = feedback_linearization(equations)
-    for x in MOTOR_STATES:
-        slope = np.reshape(chains.slope(x, MOTOR), (3, 3))
-        disturbance = np.array(equations.disturbance(x, np.array([0.3]), MOTOR))
-        np.testing.assert_allclose(slope @ disturbance, expected, rtol=1e-13)
+    slope = np.reshape(feedback_linearization(equations).slope(MOTOR_STATE, MOTOR), (3, 3))
+    disturbance = np.array(equations.disturbance(MOTOR_STATE, np.array([0.3]), MOTOR))
+    np.testing.assert_allclose(slope @ disturbance, expected, rtol=1e-13)
 
 
 # A plant with two coupled inputs
@@ -238,11 +220,10 @@ def test_singularity_is_the_determinant() -> None:
 
 @each_coupled
 def test_a_state_is_found_from_coupled_outputs(hand: Coupled) -> None:
-    chains = hand.chains
-    for x in np.random.default_rng(7).uniform(-1.5, 1.5, (10, 3)):
-        z = np.array(chains.transformation(x, None))
-        placed = chains.place(z, None, np.zeros(3))
-        np.testing.assert_allclose(placed, x, rtol=0, atol=1e-9)
+    x = np.array([1.2, -0.8, 0.5])
+    z = np.array(hand.chains.transformation(x, None))
+    placed = hand.chains.place(z, None, np.zeros(3))
+    np.testing.assert_allclose(placed, x, rtol=0, atol=1e-9)
 
 
 # Zero dynamics
@@ -397,24 +378,12 @@ SQUARE = System(
     equations=COUPLED,
 )
 SQUARE_NUMBERS = numbers(NoNumbers(), Setpoints(0.2, -0.4))
-SQUARE_STATES = np.random.default_rng(8).normal(size=(5, 3))
+SQUARE_STATE = np.array([0.7, -1.4, 0.3])
 each_sign = pytest.mark.parametrize("sign", [1, -1])
 
 
 def square_error(sign: Any) -> ErrorCoordinates:
     return ErrorCoordinates(SQUARE, setpoints(2, 1), sign)
-
-
-def square_dynamics(sign: int, x: Array) -> tuple[Array, Array]:
-    """alpha and E of the coupled plant by hand."""
-    alpha = np.array([x[0] * x[2], x[1] - x[2]])
-    E = np.array(
-        [
-            [2 + math.sin(x[2]), x[0]],
-            [1, 3 + x[1] * x[1]],
-        ]
-    )
-    return sign * alpha, sign * E
 
 
 def test_error_coordinates_of_two_outputs_have_the_units_of_their_derivatives() -> None:
@@ -426,23 +395,20 @@ def test_error_coordinates_of_two_outputs_have_the_units_of_their_derivatives() 
 @each_sign
 def test_error_coordinates_of_two_outputs_are_measured_from_both_references(sign: int) -> None:
     error = square_error(sign)
-    p = SQUARE_NUMBERS
-    along = error.along(np.linspace(0, 1, 5), SQUARE_STATES, p)
-    for x, z in zip(SQUARE_STATES, along, strict=True):
-        expected = sign * np.array([x[0] - 0.2, x[1], x[2] + 0.4])
-        np.testing.assert_array_equal(z, expected)
-        np.testing.assert_array_equal(error.error_state(0.0, x, p), expected)
-        np.testing.assert_allclose(error.place(0.0, expected, p), x, rtol=0, atol=1e-15)
+    x = SQUARE_STATE
+    z = sign * np.array([x[0] - 0.2, x[1], x[2] + 0.4])
+    np.testing.assert_array_equal(error.error_state(0.0, x, SQUARE_NUMBERS), z)
+    np.testing.assert_array_equal(error.along([0.0, 0.3], [x, x], SQUARE_NUMBERS), [z, z])
+    np.testing.assert_allclose(error.place(0.0, z, SQUARE_NUMBERS), x, rtol=0, atol=1e-15)
 
 
 @each_sign
 def test_error_dynamics_of_two_outputs_are_those_by_hand(sign: int) -> None:
-    error = square_error(sign)
-    for x in SQUARE_STATES:
-        alpha, E = error.dynamics(0.0, x, SQUARE_NUMBERS)
-        expected_alpha, expected_E = square_dynamics(sign, x)
-        np.testing.assert_allclose(alpha, expected_alpha, rtol=1e-15)
-        np.testing.assert_allclose(E, expected_E, rtol=1e-15)
+    x = SQUARE_STATE
+    alpha, E = square_error(sign).dynamics(0.0, x, SQUARE_NUMBERS)
+    np.testing.assert_allclose(alpha, [sign * x[0] * x[2], sign * (x[1] - x[2])], rtol=1e-15)
+    expected = np.array([[2 + math.sin(x[2]), x[0]], [1, 3 + x[1] ** 2]])
+    np.testing.assert_allclose(E, sign * expected, rtol=1e-15)
 
 
 @each_sign
@@ -450,16 +416,14 @@ def test_feedback_makes_v_of_two_inputs(sign: int) -> None:
     """z_i^(r_i) = v_i, and the virtual input gives v back."""
     error = square_error(sign)
     v = np.array([0.7, -1.3])
-    for x in SQUARE_STATES:
-        memory = SimpleNamespace(undefined=0.0)
-        u = np.zeros(2)
-        error.feedback(0.0, x, v, memory, SQUARE_NUMBERS, u)
-        alpha, E = error.dynamics(0.0, x, SQUARE_NUMBERS)
-        np.testing.assert_allclose(alpha + E @ u, v, rtol=0, atol=1e-12)
+    memory = SimpleNamespace(undefined=0.0)
+    u, back = np.zeros((2, 2))
+    error.feedback(0.0, SQUARE_STATE, v, memory, SQUARE_NUMBERS, u)
+    alpha, E = error.dynamics(0.0, SQUARE_STATE, SQUARE_NUMBERS)
+    np.testing.assert_allclose(alpha + E @ u, v, rtol=0, atol=1e-12)
 
-        back = np.zeros(2)
-        error.virtual_input(0.0, x, u, memory, SQUARE_NUMBERS, back)
-        np.testing.assert_allclose(back, v, rtol=0, atol=1e-12)
+    error.virtual_input(0.0, SQUARE_STATE, u, memory, SQUARE_NUMBERS, back)
+    np.testing.assert_allclose(back, v, rtol=0, atol=1e-12)
 
 
 @each_sign
