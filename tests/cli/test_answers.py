@@ -11,8 +11,8 @@ from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
 
+import cases
 import pytest
-from case_texts import SERVO, short_step
 from commands import Patch, Screen, run
 from rich.cells import cell_len
 
@@ -32,21 +32,15 @@ MACHINE_WORDS = (
     "assumed of it:",
 )
 # A case file with the title of a markup, an edit and a loop.
-MINE = f"""\
-title = "[/] of mine"
-{SERVO}
-[[edit]]
-joint = "shaft"
-damping = 0.1
-[[sensor]]
-of = "rotor angle"
-noise = "1 mrad"
-[[estimator]]
-of = "rotor speed"
-[[actuator]]
-of = "current"
-limit = "4 A"
-"""
+MINE = cases.text(
+    "servo",
+    title="[/] of mine",
+    run={"control_period": "1 ms", "timestep": "0.25 ms"},
+    edit={"joint": "shaft", "damping": 0.1},
+    sensor={"of": "rotor angle", "noise": "1 mrad"},
+    estimator={"of": "rotor speed"},
+    actuator={"of": "current", "limit": "4 A"},
+)
 
 
 def all_commands() -> list[type[Command]]:
@@ -174,8 +168,9 @@ def test_list_names_what_tables_of_a_case_file_take(
 
 
 def test_the_headline_counts_what_is_not_judged(folder: Path, capsys: Screen) -> None:
-    text = short_step() + '[[requirement]]\nsettles_within = "19 ms"\ninput_below = "1 kA"\n'
-    (folder / "mine.toml").write_text(text)
+    limits = {"settles_within": "19 ms", "input_below": "1 kA"}
+    run_table = {"start": {"rotor angle": "0.1 rad"}, "engine": "python"}
+    cases.write(folder, "servo", run=run_table, requirement=limits)
     assert run("run", "mine.toml", "--no-figures") == cli.DONE
     assert capsys.readouterr().out.startswith("1 requirement is kept, 1 not judged.")
 

@@ -8,12 +8,12 @@ import random
 import re
 from pathlib import Path
 
+import cases
 import mcap.writer
 import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet as pq
 import pytest
-from case_texts import RIVAL
 from hostile_trial import Trial
 from mjcf import TREE
 
@@ -351,10 +351,12 @@ def mutated_line(command: str, rng: random.Random) -> list[str]:
 def test_mutated_command_lines(hostile: Trial, tmp_path: Path) -> None:
     rng = random.Random(2)
     case = tmp_path / "case.toml"
+    run = {"duration": "0.1 s", "engine": "python"}
+    text = cases.text("arm", law="lqi", plant={"compare": ["physics"]}, run=run)
     places = {"CASE": str(case), "OUT": str(tmp_path / "out"), "f.mp4": "/dev/null/f.mp4"}
     for command in COMMANDS:
         for index in range(3 * TIMES):
-            case.write_text(RIVAL)
+            case.write_text(text)
             words = mutated_line(command, rng)
             words = [places.get(word, word.replace("\0", "")) for word in words]
             hostile.run(f"{command} {index}: {words!r:.200}", *words, leaves=True)
