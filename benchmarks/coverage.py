@@ -108,7 +108,7 @@ def simulated_angles(
     angle = 0.0
     rate = 0.0
     angles = np.zeros(len(u))
-    for k in range(round(SECONDS / FINE)):
+    for k in range(len(u) * every):
         if k % every == 0:
             angles[k // every] = angle
         torque = TORQUE * u[max(k - late, 0) // every]

@@ -9,20 +9,27 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cases
 import numpy as np
 import pytest
 import sympy as sp
+from identify_logs import TRUE, fit_of, servo_log, to_identify
 
 import grosmc_mj as gm
-from grosmc_mj.experiments import cases
+from grosmc_mj.experiments import cases as shipped
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.logs.log import Log
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.identify.case_file import write_case
-from grosmc_mj.identify.compare import comparison_result, prediction_errors
+from grosmc_mj.identify.compare import (
+    PredictionError,
+    best_model,
+    comparison_result,
+    prediction_errors,
+)
 from grosmc_mj.identify.fit import Fit, fit
-from grosmc_mj.identify.model import LogModel
+from grosmc_mj.identify.model import LogModel, models_of
 from grosmc_mj.identify.parameters import parameters_of
 from grosmc_mj.identify.pushes import unexplained_moments
 from grosmc_mj.identify.quality import quality
@@ -31,7 +38,7 @@ from grosmc_mj.mechanics.machine import LuGre
 from grosmc_mj.mechanics.physics.edits import AddedMass
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse, SineFrom
-from grosmc_mj.simulation.loop import Loop, Sensor
+from grosmc_mj.simulation.loop import Computing, Loop, Sensor
 from grosmc_mj.studies.sweep.family import family_of
 
 SERVO = MujocoPlant.load("servo")
@@ -87,6 +94,45 @@ def test_a_bias_of_the_sensor_is_that_of_the_log() -> None:
     assert errors_of(behind, biased) == pytest.approx(expected, rel=1e-9)
 
 
+def test_the_rung_that_made_a_log_explains_it_best() -> None:
+    parameters = parameters_of(to_identify(), ())
+    plant = parameters.model(TRUE, to_identify().plant("physics")).plant
+    late = Loop(computing=Computing(delay=6e-3))
+    rungs = {
+        **models_of(to_identify()),
+        "ideal": LogModel(plant),
+        "as it is": LogModel(plant, late),
+    }
+    assert {"corrected", "physics", "loop"} < set(rungs)
+    rows, _ = prediction_errors(rungs, servo_log().between(0, 0.5), 1.0, TIMESTEP)
+    assert best_model(rows) == {"rotor angle": "as it is"}
+
+
+def error_row(rung: str, *rms: float) -> PredictionError:
+    """Prediction errors of a rung after 0.1 s, 0.5 s and 1 s."""
+    return PredictionError(rung, "rotor angle", "rad", (0.1, 0.5, 1.0), rms)
+
+
+@pytest.mark.parametrize(
+    ("rows", "best"),
+    [
+        ([error_row("physics", 1.0, 5.0, 9.0), error_row("machine", 8.0, 6.0, 2.0)], "machine"),
+        ([error_row("physics", 8.0, 6.0, 2.0), error_row("machine", 1.0, 1.0, 3.0)], "physics"),
+        ([error_row("physics", 1.0, 1.0, math.nan), error_row("loop", 2.0, 4.0, 8.0)], "loop"),
+        # Errors that differ by less than 0.1 % are equal.
+        (
+            [error_row("physics", 1.0, 2.0, 2.0), error_row("loop", 3.0, 4.0, 2.001)],
+            "physics and loop",
+        ),
+        ([error_row("physics", 1.0, 2.0, 2.0), error_row("loop", 3.0, 4.0, 2.003)], "physics"),
+    ],
+)
+def test_the_best_rung_is_that_with_the_least_error_at_the_longest_horizon(
+    rows: list[PredictionError], best: str
+) -> None:
+    assert best_model(rows) == {"rotor angle": best}
+
+
 PROFILES: list[Any] = [
     Constant(),
     Pulse(1.21, 2.84),
@@ -111,109 +157,90 @@ def test_a_disturbance_that_moves_nothing_is_noted() -> None:
     assert notes == ["physics: no disturbance of the case moves anything along this log"]
 
 
-LOAD_CASE = """
-title = "A servo under a load"
-plant = {{ system = "servo" }}
-run = {{ duration = "5 s" }}
-controller = [{{ law = "lqr" }}]
-disturbance = [{{ {disturbance}, label = "load" }}]
-uncertain = [
-  {{ number = "edit.rotor.mass_scale", values = [0.3, 4] }},
-  {{ number = "disturbance.load.scale", values = [-1, 1], name = "load amplitude", nominal = 0 }},
-]
-"""
+MASS = {"number": "edit.rotor.mass_scale", "values": [0.3, 4]}
+DAMPING = {"number": "edit.shaft.damping", "values": [0.0005, 0.1]}
+
+
+def fit_of_case(path: Path, log: Log) -> Fit:
+    """The fit of a case's numbers to a log."""
+    experiment = Experiment.load(path)
+    predictor = Predictor.of(log, 1.0, TIMESTEP)
+    return fit(parameters_of(experiment, ()), predictor, experiment.plant("physics"))
+
+
+def written(found: Fit, folder: Path) -> Experiment:
+    """The case that is written of a fit."""
+    write_case(found, "a log", folder / "found.toml")
+    return Experiment.load(folder / "found.toml")
+
+
 # Of each the torque is -0.1 N m, as that of the log.
 LOADS = [
-    ('body = "rotor", torque = ["0 N m", "1 N m", "0 N m"]', -0.1),
-    ('input = "current", amplitude = "1 A"', 0.1 / 0.667),
+    ({"body": "rotor", "torque": ["0 N m", "1 N m", "0 N m"]}, -0.1),
+    ({"input": "current", "amplitude": "1 A"}, 0.1 / 0.667),
 ]
 
 
-@pytest.mark.parametrize(("disturbance", "amplitude"), LOADS)
-def test_an_uncertain_load_is_fitted_and_written(
-    disturbance: str, amplitude: float, tmp_path: Path
+def with_load(folder: Path, load: dict[str, Any]) -> Path:
+    """The case of a servo of another mass under an uncertain load."""
+    scale = {"number": "disturbance.load.scale", "values": [-1, 1], "nominal": 0, "name": "load"}
+    disturbance = {**load, "label": "load"}
+    return cases.write(folder, "servo", disturbance=disturbance, uncertain=[MASS, scale])
+
+
+@pytest.mark.parametrize(("load", "amplitude"), LOADS, ids=["torque", "current"])
+def test_an_uncertain_load_is_fitted(
+    load: dict[str, Any], amplitude: float, tmp_path: Path
 ) -> None:
     """A case of a unit load is fitted to a servo that is driven by a part of it."""
-    path = tmp_path / "load.toml"
-    path.write_text(LOAD_CASE.format(disturbance=disturbance), encoding="utf-8")
-    experiment = Experiment.load(path)
-    log = exact_log(LogModel(SERVO, disturbances=(Disturbance("rotor", TORQUE),)))
-    parameters = parameters_of(experiment, ())
-    plant = experiment.plant("physics")
-    found = fit(parameters, Predictor.of(log, 1.0, TIMESTEP), plant)
+    loaded = LogModel(SERVO, disturbances=(Disturbance("rotor", TORQUE),))
+    found = fit_of_case(with_load(tmp_path, load), exact_log(loaded, seconds=1.0))
     assert found.values == pytest.approx([1.0, amplitude], rel=1e-6)
 
-    written = tmp_path / "found.toml"
-    write_case(found, "a log", written)
-    (load,) = Experiment.load(written).disturbances
+
+@pytest.mark.parametrize(("load", "amplitude"), LOADS, ids=["torque", "current"])
+def test_a_fitted_load_is_written(load: dict[str, Any], amplitude: float, tmp_path: Path) -> None:
+    experiment = Experiment.load(with_load(tmp_path, load))
+    fitted = fit_of(parameters_of(experiment, ()), [1.0, amplitude])
     (declared,) = experiment.disturbances
-    assert load.amplitudes == pytest.approx(declared.scaled(amplitude).amplitudes, rel=1e-6)
-
-
-MASS_CASE = """
-title = "A pendulum of the user's own with another inertia"
-plant = { plant = "own_plant:my_plant" }
-run = { duration = "4 s" }
-controller = [{ law = "lqr" }]
-task = { Q = [100, 1], R = 1 }
-uncertain = [{ number = "edit.J.scale", values = [0.3, 4] }]
-"""
+    (found,) = written(fitted, tmp_path).disturbances
+    assert found.amplitudes == pytest.approx(declared.scaled(amplitude).amplitudes)
 
 
 def test_a_fitted_factor_is_uncertain_around_that_of_the_edit(tmp_path: Path) -> None:
     """The factor of the edit is the fitted one, and a campaign draws it anew: not both."""
-    shutil.copy(Path(cases.__file__).parent / "own_plant.py", tmp_path)
-    path = tmp_path / "mass.toml"
-    path.write_text(MASS_CASE, encoding="utf-8")
-    experiment = Experiment.load(path)
-    plant = experiment.plant(experiment.nominal.truest)
-    parameters = parameters_of(experiment, ())
-    log = exact_log(parameters.model(np.array([1.7]), plant), angle=plant.system.states[0].name)
-    found = fit(parameters, Predictor.of(log, 1.0, TIMESTEP), plant)
-    assert found.values == pytest.approx([1.7], rel=1e-3)
-
-    written = tmp_path / "found.toml"
-    write_case(found, "a log", written)
-    content = tomllib.loads(written.read_text(encoding="utf-8"))
-    assert content["edit"][0]["scale"] == pytest.approx(found.values[0], rel=1e-6)
+    shutil.copy(Path(shipped.__file__).parent / "own_plant.py", tmp_path)
+    path = cases.write(
+        tmp_path,
+        "own_plant:my_plant",
+        task={"Q": [100, 1], "R": 1},
+        uncertain={"number": "edit.J.scale", "values": [0.3, 4]},
+    )
+    parameters = parameters_of(Experiment.load(path), ())
+    found = fit_of(parameters, [1.7])
+    written(found, tmp_path)
+    content = tomllib.loads((tmp_path / "found.toml").read_text(encoding="utf-8"))
+    assert content["edit"] == [{"parameter": "J", "scale": pytest.approx(1.7)}]
     assert content["uncertain"][0]["values"]["mean"] == content["edit"][0]["scale"]
-
-
-ADDED_CASE = """
-title = "A servo with a mass on its rotor"
-plant = { system = "servo" }
-run = { duration = "5 s" }
-controller = [{ law = "lqr" }]
-uncertain = [
-  { number = "edit.shaft.damping", values = [0.0005, 0.1] },
-  { number = "edit.rotor.added_mass", values = ["0 kg", "20 kg"], at = ["0.1 m", "0 m", "0.1 m"] },
-]
-"""
-PLACE = (0.1, 0.0, 0.1)
 
 
 def test_a_fitted_mass_is_an_edit_at_its_place_that_stays_uncertain(tmp_path: Path) -> None:
     """An uncertain mass at the place of an edit is that edit: the fitted one acts once."""
-    path = tmp_path / "added.toml"
-    path.write_text(ADDED_CASE, encoding="utf-8")
-    experiment = Experiment.load(path)
-    plant = experiment.plant("physics")
-    log = exact_log(LogModel(MujocoPlant.load("servo", edits=(AddedMass("rotor", 5.0, PLACE),))))
-    parameters = parameters_of(experiment, ())
-    found = fit(parameters, Predictor.of(log, 1.0, TIMESTEP), plant)
+    place = [0.1, 0.0, 0.2]
+    added = {
+        "number": "edit.rotor.added_mass",
+        "values": ["0 kg", "20 kg"],
+        "at": [f"{x} m" for x in place],
+    }
+    path = cases.write(tmp_path, "servo", uncertain=[DAMPING, added])
+    machine = written(fit_of(parameters_of(Experiment.load(path), ()), [0.01, 5.0]), tmp_path)
 
-    written = tmp_path / "found.toml"
-    write_case(found, "a log", written)
-    content = tomllib.loads(written.read_text(encoding="utf-8"))
-    (mass,) = [edit for edit in content["edit"] if "added_mass" in edit]
-    assert [float(place.split()[0]) for place in mass["at"]] == list(PLACE)
-    machine = Experiment.load(written)
+    (mass,) = [edit for edit in machine.edits if isinstance(edit, AddedMass)]
+    assert (mass.mass, [*mass.position]) == (pytest.approx(5.0), place)
     family = family_of(machine.file, machine)
     quantity = family.quantities[family.names.index("rotor added mass")]
-    (mass,) = [edit for edit in machine.edits if isinstance(edit, AddedMass)]
-    assert quantity.nominal == pytest.approx(mass.mass, rel=1e-9)
-    doubled = quantity.number.set(machine, 2 * mass.mass)
-    assert len(doubled.edits) == len(machine.edits)
+    assert quantity.nominal == pytest.approx(5.0)
+    assert len(quantity.number.set(machine, 10.0).edits) == len(machine.edits)
 
 
 UNSTABLE = gm.affine_plant(
@@ -266,32 +293,15 @@ def test_a_push_that_a_model_explains_is_not_named() -> None:
     assert unexplained_moments([LogModel(SERVO), pushed], log, 1.0, TIMESTEP) == []
 
 
-STRAY_CASE = """
-title = "A servo with stray samples"
-plant = {{ system = "servo" }}
-run = {{ duration = "5 s" }}
-controller = [{{ law = "lqr" }}]
-uncertain = [
-  {{ number = "edit.rotor.mass_scale", values = [0.3, 4] }},
-  {{ number = "edit.shaft.damping", values = [0.0005, 0.1] }},
-]
-log = {{ loss = "{loss}" }}
-"""
-
-
 def fit_to_stray_samples(folder: Path, loss: str) -> Fit:
     """The fit to a log in which one sample of twenty is wrong by up to 0.1 rad."""
-    path = folder / "stray.toml"
-    path.write_text(STRAY_CASE.format(loss=loss), encoding="utf-8")
-    experiment = Experiment.load(path)
+    path = cases.write(folder, "servo", uncertain=[MASS, DAMPING], log={"loss": loss})
     log = noisy(exact_log(LogModel(SERVO)))
     random = np.random.default_rng(2)
     angle = log.states["rotor angle"].copy()
     stray = random.random(len(angle)) < 0.05
     angle[stray] += random.uniform(0, 0.1, stray.sum())
-    log = replace(log, states={"rotor angle": angle})
-    plant = experiment.plant("physics")
-    return fit(parameters_of(experiment, ()), Predictor.of(log, 1.0, TIMESTEP), plant)
+    return fit_of_case(path, replace(log, states={"rotor angle": angle}))
 
 
 def test_stray_samples_count_less_in_huber_s_loss(tmp_path: Path) -> None:
