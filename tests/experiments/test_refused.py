@@ -67,10 +67,8 @@ TEXTS = [
     ('[[edit]]\nbody = "link"\nmass_scale = 2,5', ": a decimal point: write 2.5"),
     ('[[edit]]\nbody = "link"\nmass_scale = True', ": write true"),
     ('[[edit]]\nbody = "link"\nmass_scale = "2"', ": it is a text: write 2 without quotes"),
-    ('[[edit]]\nbody = "link"\nmass_scale = "2,5"', ": it is a text: write 2.5 without quotes"),
     ('[run]\nduration = "1,5 s"', '"1,5 s" has a decimal comma: write "1.5 s"'),
     ("[run]\ntimestep = -1.5e-3 rad/s", 'a number with a unit is a text: write "-1.5e-3 rad/s"'),
-    ("[computing]\nmissed = 5 %", 'a number with a unit is a text: write "5 %"'),
     ('[computing]\nmissed = "5 %"', "'5 %' must be a number without a unit: write 0.05"),
     (
         '[[disturbance]]\nbody = "link"\ntorque = ["0 N m"\nlabel = "push"',
@@ -127,12 +125,9 @@ RUNS = [
     ({"plant": {"sytem": "arm"}}, "plant: unknown key 'sytem': did you mean 'system'?"),
     ({"plant": {"model": "arm.xml"}}, "give one of system, model and plant, not"),
     ({"run": {"control_period": "1.5 ms"}}, "no multiple of the timestep 0.001 s"),
-    ({"run": {"control_period": "5 s"}}, "control_period: 5 s must be below the duration"),
     ({"run": {"timestep": "1 s"}}, "control_period: 1 s must be below the duration of 0.02 s"),
     ({"run": {"timestep": "0 s"}}, "run: timestep: 0 s must be above 0 s"),
     ({"run": {"control_period": "0 s"}}, "run: control_period: 0 s must be above 0 s"),
-    ({"run": {"duration": "0 s"}}, "run: duration: 0 s must be above 0 s"),
-    ({"log": {"sampling": "0 s"}}, "log: sampling: 0 s must be above 0 s"),
     ({"run": {"engine": "fortran"}}, "run: unknown engine 'fortran': valid: native, python"),
     (
         {"run": {"start": {"joint angle": float("nan")}}},
@@ -143,12 +138,9 @@ RUNS = [
     ({"edit": {"body": "link", "damping": 2}}, "edit 1: a body has no damping; valid: mass_scale"),
     ({"edit": {"body": "link", "mass_scale": 2, "added_mass": "1 kg"}}, "write two [[edit]]"),
     ({"edit": {"body": "link", "mass_scale": 2, "at": ["1 m", "0 m", "0 m"]}}, "give it one"),
-    (pushed(body="lnk"), "unknown body 'lnk': did you mean 'link'?"),
     (pushed(torque=["0 N m", "1 N m"]), "torque: ['0 N m', '1 N m'] must be a list of 3"),
     (pushed(profile="table"), "disturbance 1: a table has no frequency"),
-    (pushed(profile="pulse"), "disturbance 1: a pulse has no frequency"),
     ({"disturbance": {"input": "torque"}}, "disturbance 1: amplitude is missing"),
-    ({"disturbance": {"input": "tork", "amplitude": 1}}, "did you mean 'torque'?"),
     (
         {"disturbance": {"measured": "joint angel", "amplitude": 1}},
         "did you mean 'joint angle'?",
@@ -242,12 +234,10 @@ OWNS = [
     ({"plant": {"plant": r"C:\me\own.py:plant"}}, "must be module:name, such as my_module"),
     (controlled("math:sin"), "math is a module of Python itself"),
     (controlled("own:law", **{"class": 4}), "'class' cannot be the name of a number"),
-    (controlled("own:wrong"), "own:wrong is a int, must be a law (t, x, memory, p, u)"),
     (controlled("own:pendulum", a=4), "own:pendulum() cannot be called with a: "),
     ({"edit": {"parameter": "k", "scale": 1.5}}, "unknown parameter 'k': valid: m"),
     ({"edit": {"body": "rod", "mass_scale": 2}}, "edit a parameter"),
     ({"edit": {"known": True, "parameter": "m", "scale": 2}}, "edit 1: known is for a model"),
-    ({"task": {"R": 1}}, "Q is missing"),
     (controlled("grosmc"), "grosmc needs k and epsilon"),
     (controlled("lqr", switching="sign"), "it does not switch"),
     ({"task": OWN["task"] | {"reference": ["own:wrong"]}}, "must be a pair"),
@@ -280,9 +270,7 @@ SOUND_CASES: dict[str, dict[str, Any]] = {
 LEG_CASE, LEVITATED, BEAM, ROTARY = SOUND_CASES
 OPERATING_POINTS = [
     (LEG_CASE, {"plant": {"model": "lag.xml"}}, "plant: model: there is no file lag.xml"),
-    (LEG_CASE, {"plant": {"model": "C:/me/leg.xml"}}, "there is no file C:/me/leg.xml"),
     (LEG_CASE, {"plant": {"model": r"C:\me\leg.xml"}}, r"there is no file C:\me\leg.xml"),
-    (LEG_CASE, {"plant": {"model": "../leg.xml"}}, "plant: model: there is no file ../leg.xml"),
     (
         LEG_CASE,
         {"plant": {"model": r"models\leg.xml"}},
@@ -290,7 +278,6 @@ OPERATING_POINTS = [
     ),
     (LEG_CASE, {"plant": {"model": "bad.xml"}}, "is no text in UTF-8"),
     (LEG_CASE, controlled("fl-lqr"), "law 'fl-lqr' does not fit leg, a model"),
-    (LEG_CASE, controlled("adaptive"), "law 'adaptive' does not fit leg, a model"),
     (LEVITATED, {"plant": {"at": {"gap": "10"}}}, 'plant: at: gap: "10" has no unit'),
     (
         LEVITATED,
@@ -328,11 +315,6 @@ OPERATING_POINTS = [
         {"plant": {"model": "nowhere:furuta.xml"}},
         "nowhere, which is not installed; run: pip inst",
     ),
-    (
-        ROTARY,
-        {"plant": {"model": "numpy:furuta.xml"}},
-        "the installed numpy has no file 'furuta.xml'",
-    ),
     (ROTARY, {"plant": {"model": "../a:furuta.xml"}}, "must be a file, or package:path of one"),
     (ROTARY, {"plant": {"at": {"rod": "90 deg"}}}, "furuta rests nowhere near"),
 ]
@@ -360,10 +342,6 @@ FRICTION = {"joint": "shaft", "coulomb": "0.05 N m"}
 MOTOR = {"input": "current", "constant": "7.68 mN m/A", "resistance": "2.6 ohm"}
 MACHINES = [
     (
-        {"transmission": {"joint": "shfat", "inertia": "10 g m^2"}},
-        "transmission 1: unknown joint 'shfat': did you mean 'shaft'",
-    ),
-    (
         {"lugre": FRICTION | {"stiffness": "1 GN m/rad"}, "run": {"timestep": "0.25 ms"}},
         "with a timestep of 0.00025 s makes unstable: take",
     ),
@@ -377,7 +355,6 @@ MACHINES = [
         "shaft starts at 0 rad, beyond its stops at -2 and -1 rad: move the start or the stops",
     ),
     ({"edit": {"known": True, "body": "rotor"}}, "edit 1: the edit changes nothing"),
-    ({"edit": {"joint": "shaft", "gear": 2}}, "edit 1: a joint has no gear; valid: damping"),
     (
         {"computing": {"delay": "1 ms", "assumed": ["jitter"]}},
         "assumed: the table gives no jitter",
@@ -395,7 +372,6 @@ MACHINES = [
     ),
     # Keys of former versions.
     ({"swinging_load": {"body": "rotor"}}, "[[swinging_load]] is no part any more: describe"),
-    ({"sliding_load": {"body": "rotor"}}, "[[sliding_load]] is no part any more: describe"),
     (
         {"edit": {"joint": "shaft", "tilt": "1 deg"}},
         "edit 1: tilt of a joint is no edit any more",
@@ -405,14 +381,9 @@ REQUIREMENTS = [
     ({}, "requirement 1: nothing is required"),
     ({"input_below": "1 A", "of": ["lqg"]}, "requirement 1: unknown controller 'lqg'"),
     (
-        {"deviation_below": "1 mm"},
-        'requirement 1: deviation_below: "1 mm" cannot be converted to rad',
-    ),
-    (
         {"signal": "rotor angle", "above": "1.2 rad", "below": "0.8 rad"},
         "keeps no value: none is above 1.2 rad and below 0.8 rad",
     ),
-    ({"always": "0.5 rad < rotor angle < 0.5 rad"}, "none is above 0.5 rad and below 0.5 rad"),
     (
         {"always": "t < 1 s or always[0 s, 1 ms] (rotor angle > 2 rad and rotor angle < 1 rad)"},
         "none is above 2 rad and below 1 rad",
