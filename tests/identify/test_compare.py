@@ -32,7 +32,7 @@ from grosmc_mj.identify.fit import Fit, fit
 from grosmc_mj.identify.model import LogModel, models_of
 from grosmc_mj.identify.parameters import parameters_of
 from grosmc_mj.identify.pushes import unexplained_moments
-from grosmc_mj.identify.quality import quality
+from grosmc_mj.identify.quality import quality, residuals
 from grosmc_mj.identify.replay import Predictor
 from grosmc_mj.mechanics.machine import LuGre
 from grosmc_mj.mechanics.physics.edits import AddedMass
@@ -45,6 +45,10 @@ SERVO = MujocoPlant.load("servo")
 TIMESTEP = 1e-3
 # The shaft turns about -y.
 TORQUE = (0.0, 0.0, 0.0, 0.0, -0.1, 0.0)
+
+
+MASS = {"number": "edit.rotor.mass_scale", "values": [0.3, 4]}
+DAMPING = {"number": "edit.shaft.damping", "values": [0.0005, 0.1]}
 
 
 def exact_log(
@@ -80,6 +84,36 @@ def test_an_exact_log_is_predicted_exactly_whatever_its_sampling(sampling: float
     """The start of a prediction is fitted by the plant's own motion, up to rounding."""
     log = exact_log(LogModel(SERVO), sampling)
     assert errors_of(LogModel(SERVO), log).max() < 1e-12
+
+
+@pytest.mark.parametrize("every", [20, 1])
+def test_the_log_of_a_run_is_predicted_exactly_by_its_plant(every: int) -> None:
+    """A command that is held for 20 ms, logged each time or twenty times."""
+    arm = cases.case(
+        "arm",
+        plant={"compare": ["physics"]},
+        run={"duration": "2 s", "control_period": "20 ms", "start": {"joint angle": "0.4 rad"}},
+        task={"Q": [100, 1], "R": 1},
+    )
+    run = arm.run(plant="physics", law="lqr").trajectory
+    # No input begins with the last state.
+    rows = slice(0, len(run.time) - 1, every)
+    angle = {"joint angle": run.state[rows, 0]}
+    time = run.time[rows]
+    log = Log("own", time, run.input[rows, None], angle, [slice(0, len(time))])
+    assert errors_of(LogModel(arm.plant("physics")), log).max() < 1e-12
+
+
+@pytest.mark.parametrize("sampling", [1e-3, 20e-3])
+def test_a_machine_that_is_too_heavy_leaves_no_white_residual(
+    sampling: float, tmp_path: Path
+) -> None:
+    log = exact_log(LogModel(SERVO), sampling)
+    experiment = Experiment.load(cases.write(tmp_path, "servo", uncertain=[MASS]))
+    heavier = fit_of(parameters_of(experiment, ()), [1.1], scales={"rotor angle": 1e-3})
+    parts = residuals(heavier, Predictor.of(log, 1.0, TIMESTEP), SERVO)
+    (row,) = quality(parts, log, SERVO.system)
+    assert row.white is False
 
 
 def test_a_bias_of_the_sensor_is_that_of_the_log() -> None:
@@ -155,10 +189,6 @@ def test_a_disturbance_that_moves_nothing_is_noted() -> None:
     idle = LogModel(SERVO, disturbances=(Disturbance("rotor", about_z),))
     _, notes = prediction_errors({"physics": idle}, exact_log(idle), 1.0, TIMESTEP)
     assert notes == ["physics: no disturbance of the case moves anything along this log"]
-
-
-MASS = {"number": "edit.rotor.mass_scale", "values": [0.3, 4]}
-DAMPING = {"number": "edit.shaft.damping", "values": [0.0005, 0.1]}
 
 
 def fit_of_case(path: Path, log: Log) -> Fit:
@@ -295,8 +325,8 @@ def test_a_push_that_a_model_explains_is_not_named() -> None:
 
 def fit_to_stray_samples(folder: Path, loss: str) -> Fit:
     """The fit to a log in which one sample of twenty is wrong by up to 0.1 rad."""
-    path = cases.write(folder, "servo", uncertain=[MASS, DAMPING], log={"loss": loss})
-    log = noisy(exact_log(LogModel(SERVO)))
+    path = cases.write(folder, "servo", uncertain=MASS, log={"loss": loss})
+    log = noisy(exact_log(LogModel(SERVO), seconds=2.0))
     random = np.random.default_rng(2)
     angle = log.states["rotor angle"].copy()
     stray = random.random(len(angle)) < 0.05
@@ -307,17 +337,26 @@ def fit_to_stray_samples(folder: Path, loss: str) -> Fit:
 def test_stray_samples_count_less_in_huber_s_loss(tmp_path: Path) -> None:
     squares = fit_to_stray_samples(tmp_path, "squares")
     huber = fit_to_stray_samples(tmp_path, "huber")
-    true = np.array([1.0, 0.0088])
-    error = np.abs(huber.values - true)
-    assert (error < np.abs(squares.values - true) / 3).all()
+    error = np.abs(huber.values - 1.0)
+    assert (error < np.abs(squares.values - 1.0) / 3).all()
     assert (huber.half < squares.half / 3).all()
     assert (error < 2 * huber.half).all()
 
 
-def test_bristles_that_the_speed_of_a_log_makes_unstable_are_refused() -> None:
+BRISTLES = {
+    "joint": "shaft",
+    "coulomb": "0.05 N m",
+    "stiffness": "1000 N m/rad",
+    "damping": "0.5 N m s/rad",
+}
+
+
+def test_bristles_that_the_speed_of_a_log_makes_unstable_are_refused(tmp_path: Path) -> None:
     log = exact_log(LogModel(SERVO))
     soft = LuGre("shaft", 0.05, stiffness=20.0)
     stiff = LuGre("shaft", 0.05, stiffness=1e3)
     errors_of(LogModel(MujocoPlant.load("servo", edits=(soft,))), log)
     with pytest.raises(ArgumentError, match="makes the bristles unstable: take a timestep of"):
         errors_of(LogModel(MujocoPlant.load("servo", edits=(stiff,))), log)
+    with pytest.raises(ArgumentError, match="makes the bristles unstable: take a timestep of"):
+        fit_of_case(cases.write(tmp_path, "servo", lugre=BRISTLES, uncertain=[DAMPING]), log)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.identify.intervals import covariance, half_widths, is_white
@@ -22,10 +23,7 @@ def white(random: np.random.Generator) -> Array:
 
 def correlated(random: np.random.Generator) -> Array:
     """A noise of first order: 0.8 of a sample is left in the next one."""
-    noise = random.standard_normal(SAMPLES)
-    for i in range(1, SAMPLES):
-        noise[i] += 0.8 * noise[i - 1]
-    return noise
+    return np.asarray(lfilter([1.0], [1.0, -0.8], white(random)))
 
 
 def rounded(random: np.random.Generator) -> Array:
@@ -72,15 +70,12 @@ def share_white(samples: int, windows: int, phi: float) -> float:
     """
     random = np.random.default_rng(3)
     t = np.linspace(-1, 1, samples)
+    line = np.column_stack([t, np.ones(samples)])
     found = []
-    for _ in range(REPETITIONS):
-        residuals = []
-        for _ in range(windows):
-            noise = random.standard_normal(samples)
-            for i in range(1, samples):
-                noise[i] += phi * noise[i - 1]
-            residuals.append(noise - np.polyval(np.polyfit(t, noise, 1), t))
-        found.append(is_white(residuals))
+    for _ in range(REPETITIONS // 2):
+        noise = lfilter([1.0], [1.0, -phi], random.standard_normal((samples, windows)), axis=0)
+        fitted = line @ np.linalg.lstsq(line, noise, rcond=None)[0]
+        found.append(is_white([*(noise - fitted).T]))
     return float(np.mean([answer is True for answer in found]))
 
 

@@ -7,8 +7,11 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
+import cases
 import numba
 import numpy as np
+import pyarrow
+import pyarrow.csv
 import pytest
 
 from grosmc_mj.experiments.experiment import Experiment
@@ -32,44 +35,33 @@ from grosmc_mj.simulation.loop import Loop
 from grosmc_mj.simulation.trajectory import Status
 from grosmc_mj.studies.comparison.comparison import compare
 
-CASE = """
-title = "A servo that turns by 1 rad"
-plant = { system = "servo", compare = ["physics"] }
-[run]
-start = { "rotor angle" = "0 rad" }
-duration = "3 s"
-control_period = "5 ms"
-[computing]
-delay = "5 ms"
-[[sensor]]
-of = "rotor angle"
-resolution = "1 mrad"
-bias = "0.02 rad"
-[[sensor]]
-of = "rotor speed"
-noise = "0.05 rad/s"
-[[edit]]
-body = "rotor"
-mass_scale = 1.5
-[[edit]]
-joint = "shaft"
-friction = "0.02 N m"
-[[controller]]
-law = "lqr"
-[[requirement]]
-reaches_within = "2.5 s"
-band = "0.1 rad"
-"""
+TABLES: dict[str, Any] = {
+    "plant": {"compare": ["physics"]},
+    "run": {"start": {"rotor angle": "0 rad"}, "duration": "3 s", "control_period": "5 ms"},
+    "computing": {"delay": "5 ms"},
+    "sensor": [
+        {"of": "rotor angle", "resolution": "1 mrad", "bias": "0.02 rad"},
+        {"of": "rotor speed", "noise": "0.05 rad/s"},
+    ],
+    "edit": [
+        {"body": "rotor", "mass_scale": 1.5},
+        {"joint": "shaft", "friction": "0.02 N m"},
+    ],
+    "requirement": {"reaches_within": "2.5 s", "band": "0.1 rad"},
+}
 SYSTEM = MujocoPlant.load("servo").system
 FREE = np.array([[-np.inf], [np.inf]])
 
 
+def turning(**tables: Any) -> Experiment:
+    """A servo that turns by 1 rad, whose friction, mass and sensors are known."""
+    return cases.case("servo", **(TABLES | tables))
+
+
 @pytest.fixture(scope="module")
-def machine(tmp_path_factory: pytest.TempPathFactory) -> Experiment:
-    """A servo whose friction, mass and sensors are known."""
-    path = tmp_path_factory.mktemp("predict") / "machine.toml"
-    path.write_text(CASE, encoding="utf-8")
-    return Experiment.load(path)
+def machine() -> Experiment:
+    """The servo under LQR."""
+    return turning()
 
 
 def log_of(machine: Experiment) -> Log:
@@ -85,6 +77,12 @@ def log_of(machine: Experiment) -> Log:
         states={name: run.seen[rows, j] for j, name in enumerate(names)},
         pieces=[slice(0, len(rows))],
     )
+
+
+@pytest.fixture(scope="module")
+def log(machine: Experiment) -> Log:
+    """The log of a run of the servo."""
+    return log_of(machine)
 
 
 def found(machine: Experiment, log: Log) -> LawOnLog:
@@ -122,9 +120,10 @@ def test_a_jump_from_rest_is_in_both_logs_or_in_none(machine: Experiment, rows: 
 
 
 @pytest.mark.parametrize("rows", [0, 1, 2])
-def test_the_law_that_made_a_log_reproduces_its_commands(machine: Experiment, rows: int) -> None:
+def test_the_law_that_made_a_log_reproduces_its_commands(
+    machine: Experiment, log: Log, rows: int
+) -> None:
     """Also where they stand some rows after the states that they were computed from."""
-    log = log_of(machine)
     end = len(log.time) - rows
     states = {name: values[:end] for name, values in log.states.items()}
     late = np.vstack([np.zeros((rows, 1)), log.inputs[:end]])[:end]
@@ -135,21 +134,16 @@ def test_the_law_that_made_a_log_reproduces_its_commands(machine: Experiment, ro
     assert finding.largest < 1e-12
 
 
-def test_a_law_that_predicts_reproduces_its_commands_to_the_bit(
-    machine: Experiment, tmp_path: Path
-) -> None:
+def test_a_law_that_predicts_reproduces_its_commands_to_the_bit() -> None:
     """It counts the ticks of its clock: 0.029 s / 1 ms is 28.999... in floats, and is tick 29."""
-    path = tmp_path / "predicted.toml"
-    path.write_text(CASE.replace('law = "lqr"', 'law = "lqr"\npredict = true'), encoding="utf-8")
-    predicting = Experiment.load(path)
+    predicting = turning(controller={"law": "lqr", "predict": True})
     log = log_of(predicting)
     assert (log.time // 1e-3 != np.rint(log.time / 1e-3)).any()
     finding = found(predicting, log)
     assert (finding.rows, finding.largest) == (0, 0.0)
 
 
-def test_another_law_differs_from_its_first_command_on(machine: Experiment) -> None:
-    log = log_of(machine)
+def test_another_law_differs_from_its_first_command_on(machine: Experiment, log: Log) -> None:
     finding = found(machine, replace(log, inputs=1.1 * log.inputs))
     assert finding.first == 0.0
     assert finding.logged == pytest.approx(1.1 * finding.asked)
@@ -190,8 +184,7 @@ def test_a_rate_that_is_not_logged_is_differenced_as_in_the_loop(machine: Experi
     assert finding.largest < 1e-12
 
 
-def test_a_law_is_not_asked_on_states_that_it_did_not_have(machine: Experiment) -> None:
-    log = log_of(machine)
+def test_a_law_is_not_asked_on_states_that_it_did_not_have(machine: Experiment, log: Log) -> None:
     angle = {"rotor angle": log.states["rotor angle"]}
     with pytest.raises(ArgumentError, match="does not measure rotor speed"):
         found(machine, replace(log, states=angle))
@@ -200,10 +193,9 @@ def test_a_law_is_not_asked_on_states_that_it_did_not_have(machine: Experiment) 
 
 
 def test_a_log_is_judged_without_compiled_code_to_debug(
-    machine: Experiment, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    machine: Experiment, log: Log, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Compilation is off: numbers of a log are those with it, and a prediction says why not."""
-    log = log_of(machine)
     judged = run_of_log(machine, log, "lqr", tmp_path / "log.csv").metrics
     monkeypatch.setattr(numba.config, "DISABLE_JIT", 1)
     _noting_rows.cache_clear()
@@ -212,26 +204,24 @@ def test_a_log_is_judged_without_compiled_code_to_debug(
         question_of(machine, "lqr", log, log)
 
 
-def test_a_case_without_a_requirement_predicts_nothing(machine: Experiment) -> None:
-    log = log_of(machine)
-    asking_nothing = machine.changed(file=machine.file.model_copy(update={"requirement": []}))
+def test_a_case_without_a_requirement_predicts_nothing(log: Log) -> None:
     with pytest.raises(ArgumentError, match="no requirement that can be predicted: there is none"):
-        question_of(asking_nothing, "lqr", log, log)
+        question_of(turning(requirement=[]), "lqr", log, log)
 
 
 # -- prediction ------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
-def question(machine: Experiment) -> PredictionQuestion:
+def question(machine: Experiment, log: Log) -> PredictionQuestion:
     """The machine beside the log of one of its runs."""
-    log = log_of(machine)
     return question_of(machine, "lqr", log, log)
 
 
-def required_inside(prediction: Prediction) -> bool:
-    """Whether each required number lies within the spread, as measured."""
-    return all(item.contains(item.measured) for item in prediction.quantities if item.required)
+@pytest.fixture(scope="module")
+def complete(question: PredictionQuestion) -> Prediction:
+    """Eight predicted runs."""
+    return predict(question, 8)
 
 
 def test_start_and_sensors_are_those_of_the_log(question: PredictionQuestion) -> None:
@@ -245,10 +235,10 @@ def test_start_and_sensors_are_those_of_the_log(question: PredictionQuestion) ->
 
 
 def test_a_run_of_the_machine_lies_within_the_spread_of_its_predictions(
-    question: PredictionQuestion,
+    complete: Prediction,
 ) -> None:
-    complete = predict(question, 16)
-    assert required_inside(complete)
+    (reaches,) = [item for item in complete.quantities if item.required]
+    assert reaches.contains(reaches.measured)
     # An encoder of 1 mrad, and noise of the velocity: the runs differ by little.
     assert complete.misfits.max() < 5e-3
 
@@ -296,19 +286,19 @@ def test_a_run_of_a_log_begins_at_zero_with_the_samples_of_its_time() -> None:
 
 
 def test_a_value_outside_has_the_digits_that_tell_it_from_the_spread(
-    question: PredictionQuestion,
+    question: PredictionQuestion, complete: Prediction
 ) -> None:
     """The first number has no spread, and so the second one is the headline."""
     constant = PredictedQuantity("rest", "rest", "1", True, 4.4e-3, np.full(2, 4.401e-3))
     angle = PredictedQuantity("angle", "angle", "rad", True, 3.1421, np.array([3.13, 3.1416]))
     inside = PredictedQuantity("time", "time", "s", True, 1.0, np.array([0.9, 1.1]))
-    complete = replace(predict(question, 2), quantities=[constant, angle, inside])
+    several = replace(complete, quantities=[constant, angle, inside])
 
-    rows = {row[0]: row[1:4] for row in quantities_table(complete).rows}
+    rows = {row[0]: row[1:4] for row in quantities_table(several).rows}
     assert rows["angle [rad]"] == ["3.1421", "3.1358", "3.13 to 3.1416"]
     assert rows["rest"] == ["0.0044", "0.004401", "0.004401 to 0.004401"]
     assert rows["time [s]"] == ["1", "1", "0.9 to 1.1"]
-    words = prediction_result(question, complete, {}).answers[-1].words
+    words = prediction_result(question, several, {}).answers[-1].words
     assert words.startswith("Predicted: angle: 3.1358 rad (3.13 to 3.1416); measured 3.1421 rad;")
 
 
@@ -333,8 +323,9 @@ def test_the_table_has_measured_value_median_and_spread(
     assert table.styles == [style]
 
 
-def test_without_its_friction_the_machine_is_another_one(question: PredictionQuestion) -> None:
-    complete = predict(question, 16)
+def test_without_its_friction_the_machine_is_another_one(
+    question: PredictionQuestion, complete: Prediction
+) -> None:
     smooth = question.experiment.changed({"edit.shaft.friction": 0.0})
     lesser = predict(question._replace(experiment=smooth), 4)
     assert not complete.quantities[0].contains(lesser.quantities[0].median)
@@ -342,10 +333,9 @@ def test_without_its_friction_the_machine_is_another_one(question: PredictionQue
 
 
 def test_diff_compares_the_predictions_of_two_logs_one_by_one(
-    question: PredictionQuestion, tmp_path: Path
+    question: PredictionQuestion, complete: Prediction, tmp_path: Path
 ) -> None:
     """Numbers of the second log took the place of the first one's, in silence."""
-    complete = predict(question, 2)
     for name in ("first", "second"):
         of_log = question._replace(log=replace(question.log, name=f"{name}.csv"))
         content = json_text(prediction_result(of_log, complete, {}))
@@ -358,18 +348,30 @@ def test_diff_compares_the_predictions_of_two_logs_one_by_one(
         compare(tmp_path / "first.json", tmp_path / "second.json")
 
 
-def test_a_run_begins_with_the_machine_at_rest(machine: Experiment) -> None:
+def test_a_run_begins_with_the_machine_at_rest(machine: Experiment, log: Log) -> None:
     """Until the first command arrives nothing acts: the first one did not act before the log."""
-    log = log_of(machine)
     late = machine.changed({"sensor.rotor speed.noise": 0.0})
     start = question_of(late, "lqr", log, log).experiment.x0
     assert start[1] == pytest.approx(0.0, abs=0.02)
 
 
-def test_seeds_differ_by_their_noise_alone(question: PredictionQuestion) -> None:
+def test_seeds_differ_by_their_noise_alone(
+    question: PredictionQuestion, complete: Prediction
+) -> None:
     """Without noise all runs are one."""
     quiet = question.experiment.changed({"sensor.rotor speed.noise": 0.0})
     runs = predict(question._replace(experiment=quiet), 3).runs
     assert np.array_equal(runs[0].state, runs[2].state)
-    noisy = predict(question, 3).runs
-    assert not np.array_equal(noisy[0].state, noisy[2].state)
+    assert not np.array_equal(complete.runs[0].state, complete.runs[2].state)
+
+
+def test_predict_judges_the_log_by_the_spread_of_runs(
+    log: Log, printed: Any, tmp_path: Path
+) -> None:
+    """Results of another law have another name."""
+    cases.write(tmp_path, "servo", **TABLES)
+    header = ["time [s]", "current [A]", "rotor angle [rad]", "rotor speed [rad/s]"]
+    columns = [log.time, log.inputs[:, 0], *log.states.values()]
+    pyarrow.csv.write_csv(pyarrow.table(columns, names=header), tmp_path / "bench.csv")
+    printed("predict", "bench.csv", "mine.toml", "--law", "lqr", "--seeds", 4)
+    assert (tmp_path / "renders/predict_mine_bench_lqr.png").is_file()
