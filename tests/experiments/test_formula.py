@@ -68,12 +68,17 @@ def test_a_function_of_a_number_is_its_value(name: str):
 def test_a_step_is_one_from_the_zero_of_its_argument_on(
     text: str, expected: dict[float, float]
 ) -> None:
-    """Its derivatives are zero, and compiled code has the same bits."""
+    """Its derivatives are zero."""
     y_r: Any = reference([formula(text, TIME, steps=True)], (2,))
+    values = {t: y_r(t, None) for t in expected}
+    assert values == {t: pytest.approx((y, 0.0, 0.0), abs=0) for t, y in expected.items()}
+
+
+def test_a_compiled_step_has_the_same_bits() -> None:
+    y_r: Any = reference([formula("2 - tanh(1.5 * step(t - 0.3))", TIME, steps=True)], (2,))
     compiled: Any = numba.njit(y_r)
-    for t, value in expected.items():
-        assert y_r(t, None) == pytest.approx((value, 0.0, 0.0), abs=0)
-        assert compiled(t, 0.0) == y_r(t, 0.0)
+    instants = (0.2, 0.3, 3 * 0.1, 0.4)
+    assert [compiled(t, 0.0) for t in instants] == [y_r(t, 0.0) for t in instants]
 
 
 def test_a_ramp_that_begins_has_the_rate_of_a_ramp() -> None:
@@ -100,7 +105,7 @@ def test_outputs_have_no_steps() -> None:
         formula("step(t - 1)", TIME)
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
+@pytest.mark.parametrize("name", ["sinh", "tanh", "log"])
 def test_the_deepest_formula_is_a_reference_soon(name: str):
     began = time.process_time()
     with contextlib.suppress(ArgumentError):

@@ -259,6 +259,14 @@ def test_several_logs_are_judged_one_by_one_and_a_disagreement_is_named(folder: 
     )
 
 
+def test_logs_of_laws_that_are_not_run_are_left_out(folder: Path) -> None:
+    laws = [*STEP["controller"], {"law": "lqr"}]
+    log = {"log": "good.csv", "law": "pd"}
+    case = step(*LIMITS, folder=folder, controller=laws, measured=log)
+    assert [result.controller.name for result in measured_results(case)] == ["pd"]
+    assert measured_results(case.changed(laws=["lqr"])) == []
+
+
 def test_run_judges_a_log(printed: Callable[..., None], folder: Path) -> None:
     log = folder / "bad.csv"
     Path("two.toml").write_text((folder / "two.toml").read_text())
