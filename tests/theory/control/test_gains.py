@@ -317,6 +317,13 @@ def test_members_of_a_family_are_a_grid_with_both_ends_of_each_range(
         assert (min(values), max(values)) == (low * value, high * value)
 
 
+def test_states_are_held_on_the_ends_and_the_geometric_mean_of_a_range() -> None:
+    declared = StateUncertainty(scales={"M": (0.25, 1.0)})
+    members = dict(declared.members(nominal("cart_pendulum"))).values()
+    assert [member.parameters.M for member in members] == pytest.approx([0.25, 0.5, 1.0])
+
+
+@pytest.mark.parametrize("angle", [0.8, -0.8])
 @pytest.mark.parametrize(
     ("scales", "gamma0", "gamma1"),
     [
@@ -327,10 +334,12 @@ def test_members_of_a_family_are_a_grid_with_both_ends_of_each_range(
     ],
 )
 def test_what_the_nominal_input_does_not_hold_needs_a_constant(
-    scales: Any, gamma0: float, gamma1: float | None
+    scales: Any, gamma0: float, gamma1: float | None, angle: float
 ) -> None:
-    p = state_grosmc(hung_at(0.8), StateUncertainty(scales=scales)).parameters
-    assert p.gamma0 == pytest.approx(2.0 * 9.81 * gamma0)
+    """Besides a disturbance of the input, in the worst direction."""
+    declared = StateUncertainty(scales=scales, force=0.3)
+    p = state_grosmc(hung_at(angle), declared).parameters
+    assert p.gamma0 == pytest.approx(2.0 * 9.81 * gamma0 + 0.3)
     assert gamma1 is None or p.gamma1 == pytest.approx(2.0 * 9.81 * gamma1)
 
 
@@ -347,22 +356,26 @@ def test_a_law_of_a_held_plant_is_designed_for_the_linearization_there(make: Any
     np.testing.assert_allclose(design.K, B.T @ P, rtol=1e-6)
 
 
-def test_the_reaching_condition_of_a_held_plant_is_about_the_point_where_it_rests() -> None:
-    """s' = G (x' - A z - B u_c) with z = x - x_e and u = u_e + u_c."""
+@pytest.mark.parametrize("limit", [math.inf, 0.4])
+def test_the_reaching_condition_of_a_held_plant_is_about_the_point_where_it_rests(
+    limit: float,
+) -> None:
+    """s' = G (x' - A z - B u_c) with z = x - x_e and u = u_e + u_c, which a limit cuts."""
     task = hung_at(0.8)
-    law = state_grosmc(task)
+    law = state_grosmc(task, limit=limit)
     optimum = law.designed.lqr
     true = task.plant.changed(scales={"g": 1.5})
     z = np.array([-0.5, 1.0])
     at = balance(law, true, 0.0, task.reference.x + z, Loads.none(true.system, 1))
-    assert at.u_c == pytest.approx(-law.parameters.K @ z, rel=1e-9)
+    assert at.u_c == pytest.approx(np.clip(-law.parameters.K @ z, -limit, limit), rel=1e-9)
     dx = true.derivative(task.reference.x + z, task.reference.u + at.u_c)
     nominal_rate = optimum.A @ z + optimum.B @ at.u_c
     assert at.pushes == pytest.approx(law.parameters.G @ (dx - nominal_rate), rel=1e-9)
 
 
 @pytest.mark.parametrize(
-    "declared", [StateUncertainty(body="cart", push=0.7), StateUncertainty(force=0.7)]
+    "declared",
+    [StateUncertainty(body="cart", push=0.7), StateUncertainty(body="cart", push=0.3, force=0.4)],
 )
 def test_a_force_on_the_cart_counts_as_the_input_s_own(declared: StateUncertainty) -> None:
     task = state_task(nominal("cart_pendulum"), np.eye(4), 1.0)

@@ -251,6 +251,30 @@ def test_an_estimate_at_first_takes_s_for_the_work_of_the_disturbance() -> None:
     assert phi.item() + 10.0 / H == pytest.approx(-2.0 * 5.0, rel=1e-9)
 
 
+def test_super_twisting_adds_up_its_slope() -> None:
+    """phi = z - k s - 1.5 sqrt(L |s|) sgn s, z' = -1.1 L sgn s, with L the gain times the slope."""
+    law = find_switching("super-twisting", gain=2.0, slope=50.0)
+    memory = law.new_memory(1, 2)()
+    memory.elapsed = H
+    phi = np.zeros((2, 1))
+    for row in phi:
+        law.reach(np.array([-0.04]), 3.0, 5.0, memory, law.numbers, row)
+    assert phi[:, 0] == pytest.approx([0.12 + 3.0, 0.12 + 3.0 + 0.11])
+
+
+@pytest.mark.parametrize(("s", "adapted"), [(-3e-3, 0.44), (5e-3, 0.6)])
+def test_an_adaptive_gain_falls_in_its_band_and_grows_beyond(s: float, adapted: float) -> None:
+    """By share |s|/h, within and beyond 4 gain epsilon h, which is 4e-3."""
+    law = find_switching("adaptive", gain=2.0, share=0.02)
+    memory = law.new_memory(1, 2)()
+    memory.elapsed = H
+    memory.adapted[:] = 0.5
+    phi = np.zeros(1)
+    law.reach(np.array([s]), 3.0, 5.0, memory, law.numbers, phi)
+    assert memory.adapted == pytest.approx([adapted])
+    assert phi == pytest.approx([-(3.0 * s + 2.0 * math.copysign(adapted, s))])
+
+
 # Input gains r times the nominal one. The linear zone of the implicit law multiplies s by 1 - r:
 # beyond r = 2 it is left again at every sample, and s stays where saturation holds it,
 # |s| <= h ((r - 1) rho + W). With the estimate it is z^2 - 2 (1 - r) z + (1 - r), stable for
