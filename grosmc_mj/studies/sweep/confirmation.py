@@ -169,6 +169,8 @@ def wrong_at_most(drawn: int, overturned: int) -> float:
 
 def confirmation_words(drawn: int, overturned: int) -> str:
     """Return a clause on the runs that were confirmed at random and the bound that they give."""
+    if not drawn:
+        return "none confirmed at random, so no bound on those by the equations"
     bound = 100 * wrong_at_most(drawn, overturned)
     return (
         f"of {drawn:,} confirmed at random, {overturned:,} overturned: at most {bound:.2g} % of "
