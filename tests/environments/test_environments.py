@@ -110,6 +110,23 @@ def test_an_early_end_terminates_an_episode_without_discount() -> None:
     assert environment.task.ended == ""
 
 
+def end_of(face: CaseEnv, action: float) -> tuple[float, bool, bool]:
+    """Time of the end of an episode, and whether it is terminated or truncated."""
+    face.reset()
+    terminated = truncated = False
+    time = 0.0
+    while not (terminated or truncated):
+        observation, _, terminated, truncated, _ = face.step([action])
+        time = float(observation["time"][0])
+    return time, terminated, truncated
+
+
+def test_an_early_end_at_the_duration_is_no_truncation() -> None:
+    case = Experiment.load("cart_pendulum/nominal")
+    time, *_ = end_of(CaseEnv(case), -20.0)
+    assert end_of(CaseEnv(case.changed(duration=time)), -20.0) == (time, True, False)
+
+
 def test_specifications_have_names_and_units() -> None:
     environment = load("cart_pendulum")
     spec = environment.observation_spec()

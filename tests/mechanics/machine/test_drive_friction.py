@@ -20,6 +20,7 @@ import grosmc_mj as gm
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ModelError
 from grosmc_mj.mechanics.machine import DriveFriction, LuGre, Stop, Transmission
+from grosmc_mj.mechanics.machine.drive_friction import friction_limit
 from grosmc_mj.mechanics.physics.edit import Edit
 from grosmc_mj.mechanics.physics.edits import AddedMass, BodyEdit, InputEdit, JointEdit
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
@@ -32,14 +33,6 @@ PERIOD = 1e-3
 
 MX106 = {
     "M1": DriveFriction("shaft", coulomb=0.15, viscous=0.05),
-    "M2": DriveFriction(
-        "shaft",
-        coulomb=0.05,
-        viscous=0.05,
-        stribeck_force=0.12,
-        stribeck_speed=1.7,
-        stribeck_exponent=1.3,
-    ),
     "M3": DriveFriction("shaft", coulomb=0.1, viscous=0.05, load_motor=0.1, load_external=0.1),
     # As published.
     "M6": DriveFriction(
@@ -57,7 +50,6 @@ MX106 = {
         stribeck_exponent=1.142827788004191,  # alpha
     ),
 }
-MX106["M5"] = replace(MX106["M6"], quadratic_motor=0.0, quadratic_external=0.0)
 XL330_M6 = DriveFriction(
     "shaft",
     coulomb=0.0023258418670152347,
@@ -127,6 +119,32 @@ def limit(part: DriveFriction, v: float, motor: float, load: float) -> float:
         at_rest += (abs(load) < abs(motor)) * part.quadratic_external * load**2
         at_rest += (abs(load) > abs(motor)) * part.quadratic_motor * motor**2
     return always + at_rest * math.exp(-(abs(v / part.stribeck_speed) ** part.stribeck_exponent))
+
+
+EVERYTHING = DriveFriction(
+    "shaft",
+    coulomb=0.1,
+    viscous=0.2,
+    load_motor=0.3,
+    load_external=0.17,
+    stribeck_force=0.4,
+    stribeck_motor=0.23,
+    stribeck_external=0.6,
+    stribeck_speed=0.5,
+    stribeck_exponent=1.3,
+    quadratic_motor=0.7,
+    quadratic_external=0.9,
+)
+
+
+@pytest.mark.parametrize("part", [EVERYTHING, MX106["M3"]])
+@pytest.mark.parametrize("load", [-1.0, 0.0, 1.5])
+@pytest.mark.parametrize("motor", [-2.0, 0.0, 0.7])
+@pytest.mark.parametrize("v", [-0.6, 0.0, 0.3])
+def test_the_limit_is_that_of_the_paper(
+    part: DriveFriction, load: float, motor: float, v: float
+) -> None:
+    assert friction_limit(v, motor, load, part) == pytest.approx(limit(part, v, motor, load))
 
 
 def integrated(bench: Bench, part: DriveFriction, duration: float) -> Array:

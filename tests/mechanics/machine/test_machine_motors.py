@@ -150,12 +150,6 @@ def test_a_supply_changes_a_current_by_v_over_l_at_most() -> None:
     assert np.abs(rates).max() <= V / L * (1 + 1e-9)
 
 
-def test_a_loop_without_an_inductance_has_its_own_lag_alone() -> None:
-    amperes = currents(fine(HEAVY, loop()), 1.0, 2e-3)
-    rates = np.diff(amperes, prepend=0.0) / STEP
-    assert rates.max() > 2 * V / L
-
-
 def test_a_winding_is_a_hidden_state_with_its_lag() -> None:
     plant = servo(HEAVY, motor(inductance=L), timestep=STEP)
     assert [(state.name, state.unit) for state in plant.hidden_states] == [("current winding", "A")]
@@ -169,8 +163,10 @@ def test_a_motor_runs_at_its_no_load_speed() -> None:
     assert speeds[-1] == pytest.approx(V / (N * K), rel=1e-3)
 
 
-def test_a_current_loop_follows_with_its_bandwidth() -> None:
-    torques = stepped(fine(motor(bandwidth=5e3)), 2e-3, torque, 1.0)
+@pytest.mark.parametrize("voltage", [math.inf, 40.0])
+def test_a_current_loop_follows_with_its_bandwidth(voltage: float) -> None:
+    """On a supply, too, if the winding has no inductance."""
+    torques = stepped(fine(motor(bandwidth=5e3, voltage=voltage)), 2e-3, torque, 1.0)
     assert time_constant(torques, GEAR) == pytest.approx(1 / 5e3, rel=0.06)
     assert torques[-1] == pytest.approx(GEAR, rel=1e-4)
 

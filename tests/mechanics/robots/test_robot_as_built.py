@@ -234,34 +234,6 @@ def test_one_joint_may_be_held() -> None:
     assert note.startswith("the plant holds the joint 'first' (equality), which no")
 
 
-# Refusals
-
-LAG_OF_ZERO = '<general name="d" joint="hinge" dyntype="filter" dynprm="0"/>'
-DAMPED = '<general name="d" joint="hinge" damping="0.1"/>'
-DC_MOTOR = '<dcmotor name="d" joint="hinge" motorconst="0.05" resistance="2"/>'
-DC_MOTOR_WORDS = (
-    r"is a DC motor: make it a motor here, and give its winding in a \[\[motor\]\] table"
-)
-AFFINE_GAIN = (
-    '<general name="drive" joint="hinge" dyntype="filterexact" dynprm="0.02" gaintype="affine" '
-    'gainprm="4 1 0" gear="-2" ctrlrange="-3 5"/>'
-)
-
-
-@pytest.mark.parametrize(
-    ("actuator", "words"),
-    [
-        (LAG_OF_ZERO, "has a lag of 0 s, which nothing can simulate"),
-        (DAMPED, "damping of its own, which belongs to its jo"),
-        (DC_MOTOR, DC_MOTOR_WORDS),
-        (AFFINE_GAIN, "gain that depends on"),
-    ],
-)
-def test_a_drive_that_no_torque_stands_for_is_refused(actuator: str, words: str) -> None:
-    with pytest.raises(ModelError, match=words):
-        Robot.from_mjcf(ONE.format("", actuator))
-
-
 @pytest.mark.parametrize(
     ("second", "coupling", "words"),
     [

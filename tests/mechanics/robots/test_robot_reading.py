@@ -256,6 +256,13 @@ NO_ACTUATOR = 'the model has no actuator: add <actuator> with <motor joint="j"/>
         (link("<damper joint='j' kv='1' ctrlrange='0 1'/>"), "depends on the state"),
         (link("<motor joint='j' gear='0'/>"), "no gear"),
         (link("<motor joint='j' armature='1'/>"), "belongs to its joint"),
+        (link("<general joint='j' damping='0.1'/>"), "damping of its own, which belongs to its jo"),
+        (link("<general joint='j' dyntype='filter' dynprm='0'/>"), "has a lag of 0 s, which nothi"),
+        (link("<general joint='j' gaintype='affine' gainprm='4 1'/>"), "gain that depends on"),
+        (
+            link("<dcmotor joint='j' motorconst='0.05' resistance='2'/>"),
+            r"is a DC motor: make it a motor here, and give its winding in a \[\[motor\]\] table",
+        ),
     ],
 )
 def test_a_model_that_is_no_robot_is_refused(model: str, words: str) -> None:
