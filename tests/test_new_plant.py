@@ -84,6 +84,8 @@ def ends(project: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, t
     return json.loads(finished.stdout)
 
 
+# All that the copy of the package needs is compiled anew.
+@pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_command_knows_the_new_plant(command: str, ends: dict[str, tuple[int, str]]) -> None:
     code, output = ends[command]

@@ -91,6 +91,7 @@ def test_the_readme_s_lines_for_a_notebook_run(capsys: Screen) -> None:
     assert rows[0]["deviation"] != rows[1]["deviation"]
 
 
+@pytest.mark.slow
 def test_the_readme_s_first_answer_is_real(
     monkeypatch: Patch, tmp_path: Path, capsys: Screen
 ) -> None:

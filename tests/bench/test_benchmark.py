@@ -186,19 +186,23 @@ def switching_run(tmp_path_factory: pytest.TempPathFactory) -> SwitchingRun:
     return SwitchingRun(rows, files)
 
 
+@pytest.mark.slow
 def test_switching_laws_are_drawn_in_one_picture(switching_run: SwitchingRun) -> None:
     assert switching_run.files == ["switching.png"]
 
 
+@pytest.mark.slow
 def test_the_implicit_law_is_of_first_order(switching_run: SwitchingRun) -> None:
     assert ["implicit", "1.00"] in [row[:2] for row in switching_run.rows]
 
 
+@pytest.mark.slow
 def test_the_estimate_is_of_second_order(switching_run: SwitchingRun) -> None:
     """It diverges from r = 2 on."""
     assert ["implicit-estimate", "2.00", "2.10"] in switching_run.first_and_last(2)
 
 
+@pytest.mark.slow
 def test_nominally_the_implicit_law_costs_the_optimum(switching_run: SwitchingRun) -> None:
     assert ["servo/nominal", "implicit", "1"] in switching_run.first_and_last(2)
 

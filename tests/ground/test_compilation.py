@@ -90,10 +90,8 @@ for k in sys.argv[1:]:
 
 PRINTS = """
 from grosmc_mj.ground.compilation.compiler import fingerprint
-from grosmc_mj.experiments.catalogue import chapter_controller
-from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
-plant = MujocoPlant.load("servo").analytic()
-print(*(fingerprint(chapter_controller(name, plant).law) for name in ("lqr", "grosmc")))
+from grosmc_mj.theory.control.switching import SWITCHINGS
+print(*(fingerprint(kind.reach) for kind in SWITCHINGS.values()))
 """
 
 

@@ -71,7 +71,8 @@ def test_compare_tells_the_rung_that_explains_a_log_and_a_load_that_moves_nothin
     lines = (LOGS / "servo.csv").read_text(encoding="utf-8").splitlines(keepends=True)
     (tmp_path / "servo.csv").write_text("".join(lines[:800]), encoding="utf-8")
     load = {"body": "rotor", "torque": ["0 N m", "0 N m", "1 N m"], "label": "load"}
-    cases.write(tmp_path, "logs/servo", name="loaded", disturbance=load)
+    only = {"compare": ["physics"]}
+    cases.write(tmp_path, "logs/servo", name="loaded", disturbance=load, plant=only)
     printed("compare", "servo.csv", "loaded.toml", "--horizon", 0.5)
 
 

@@ -120,6 +120,7 @@ def test_a_broken_pool_is_one_notice(broken: Run) -> None:
     assert re.search(r"\b3\b.* is run again$", line)
 
 
+@pytest.mark.slow
 def test_a_shard_that_always_kills_its_worker_is_one_line() -> None:
     notices: list[str] = []
     executor = make_executor("processes", workers=1)
@@ -187,6 +188,7 @@ def wait_for(condition: Callable[[], bool], seconds: float) -> None:
         time.sleep(0.02)
 
 
+@pytest.mark.slow
 def test_closing_the_iterator_ends_the_workers(tmp_path: Path) -> None:
     work = partial(executor_work.leave_pid, tmp_path, 0.2)
     parts = make_executor("processes", workers=2).run(work, range(1000), print)
