@@ -240,6 +240,7 @@ def test_a_fingerprint_follows_the_formula_of_a_law() -> None:
     assert len({fingerprint(law) for law in laws}) == 3
 
 
+@pytest.mark.slow
 def test_another_process_has_the_same_fingerprints(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
