@@ -12,6 +12,7 @@ from cases import case, content
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.schema import CaseFile
 from grosmc_mj.experiments.file.user_code import named_in
+from grosmc_mj.experiments.weights import named_weights
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.theory.control.controller import Controller
 
@@ -79,6 +80,14 @@ def test_weights_by_name_are_those_in_the_order_of_the_names(
 def test_a_name_that_Q_leaves_out_weighs_nothing(tmp_path) -> None:
     optimum = law_of(weighed(tmp_path, ROBOT, Q={"shoulder": 1, "elbow": 3}, R=1)).designed.lqr
     np.testing.assert_array_equal(np.diag(optimum.Q), [1, 0, 3, 0])
+
+
+def test_a_weight_beside_the_diagonal_has_the_names_of_both() -> None:
+    design = law_of(case("arm", task={"Q": [[10, 2], [2, 1]], "R": 3})).designed
+    assert named_weights(design) == {
+        "Q": {"joint angle": 10, "joint rate": 1, "joint angle and joint rate": 2},
+        "R": {"joint angle": 3},
+    }
 
 
 @pytest.mark.parametrize(

@@ -276,6 +276,15 @@ def test_a_start_or_reference_beyond_a_joints_range_is_told_before_the_run(
     assert [DEGREES in message for message in told] == ["hinge" in line for line in lines]
 
 
+def test_a_stop_narrows_the_range_of_its_joint_and_never_widens_it(tmp_path: Path) -> None:
+    (tmp_path / "stopped.xml").write_text(STOPPED.format('angle="radian"'))
+    stop = {"joint": "hinge", "low": "-1 rad", "high": "3 rad"}
+    task = {"reference": {"hinge": "2.5", "slide": "0"}, "Q": {"hinge": 1, "slide": 1}, "R": 1}
+    experiment = case("stopped.xml", folder=tmp_path, task=task, stop=stop)
+    with pytest.warns(ImplausibleWarning, match="is beyond the joint's range of -1 to 2 rad"):
+        experiment.warn_of_implausible()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", shipped_files())
 def test_a_shipped_case_is_plausible_and_requires_something(name: str) -> None:

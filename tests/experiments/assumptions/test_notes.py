@@ -80,7 +80,10 @@ def test_a_disturbance_that_begins_as_the_run_ends_is_told() -> None:
     assert note not in notes_on(experiment.changed(duration=0.021), [])
 
 
-@pytest.mark.parametrize(("run_table", "told"), [({}, True), ({"integrator": "RK4"}, False)])
+@pytest.mark.parametrize(
+    ("run_table", "told"),
+    [({}, True), ({"integrator": "RK4"}, False), ({"timestep": "2 ms"}, False)],
+)
 def test_steps_that_nobody_sets_are_told(tmp_path: Path, run_table: Any, told: bool) -> None:
     model = LEG.replace('timestep="0.001" integrator="RK4"', "")
     words = "timestep 0.002 s and integrator Euler are MuJoCo's defaults"
