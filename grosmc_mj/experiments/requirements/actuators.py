@@ -81,7 +81,7 @@ class InputBelow(Requirement):
 
     def note(self, run: MeasuredRun, *, kept: bool) -> str:
         """Say for how long an actuator gives the most that it can."""
-        if not np.any(np.isfinite(run.input_limits)):
+        if not run.saturated:
             return ""
         return f"at the actuator's limit {100 * run.saturated:.2g} % of the time"
 

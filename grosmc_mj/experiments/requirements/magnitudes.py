@@ -2,13 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
+import numpy as np
+
+from grosmc_mj.experiments.requirements.measured_run import MeasuredRun
 from grosmc_mj.experiments.requirements.metrics import DWELL, largest_of, rms_of
 from grosmc_mj.experiments.requirements.requirement import Requirement
+from grosmc_mj.experiments.requirements.signals import signals_of
+from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.theory.control.controller import Controller
+
+
+def largest_at(time: Array, rows: Iterable[Array], names: Sequence[str], after: float = 0.0) -> str:
+    """Return in words where the largest magnitude of some signals is.
+
+    Args:
+        time: Instants [s], (N + 1,).
+        rows: Values of each signal, (N + 1,).
+        names: Names of the signals; a single one is left out.
+        after: Instant from which on they count [s].
+    """
+    magnitudes = np.abs(np.vstack(list(rows)))
+    magnitudes[:, time < after * (1 - 1e-12)] = 0.0
+    signal, instant = np.unravel_index(np.argmax(magnitudes), magnitudes.shape)
+    name = f" of {names[int(signal)]}" if len(names) > 1 else ""
+    return f"peak{name} at {time[instant]:.3g} s"
+
+
+def _output_names(law: Controller) -> list[str]:
+    """Names of the outputs that a law follows."""
+    error = law.designed.error
+    return [error.names[row] for row in error.output_rows]
 
 
 class StaysWithin(Requirement):
@@ -23,6 +50,20 @@ class StaysWithin(Requirement):
     def metric(self) -> str:
         """Name of the largest magnitude."""
         return largest_of(self.signal, self.after, periodic=self.periodic)
+
+    def note(self, run: MeasuredRun, *, kept: bool) -> str:
+        """Say of a missed limit when, and by which of several outputs, it is missed most."""
+        if kept:
+            return ""
+        comparison = run.comparison
+        if self.signal:
+            signals = signals_of(run.trajectory, run.controller, [self.signal], comparison)
+            values = signals[self.signal]
+            if self.periodic:
+                values = np.angle(np.exp(1j * values))
+            return largest_at(comparison.time, [values], [""], self.after)
+        errors = comparison.z[:, comparison.outputs].T
+        return largest_at(comparison.time, errors, _output_names(run.controller), self.after)
 
 
 class FinalErrorBelow(StaysWithin):
@@ -74,6 +115,14 @@ class DeviationBelow(OfWeights):
     figure = "deviation"
     usual_metric = "deviation"
     not_in_logs = "a log is not compared with the nominal optimum"
+
+    def note(self, run: MeasuredRun, *, kept: bool) -> str:
+        """Say of a missed limit when, and by which of several outputs, it is missed most."""
+        if kept:
+            return ""
+        comparison = run.comparison
+        away = (comparison.z - comparison.optimal)[:, comparison.outputs].T
+        return largest_at(comparison.time, away, _output_names(run.controller))
 
 
 class CostRatioBelow(OfWeights):
