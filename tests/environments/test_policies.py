@@ -89,6 +89,16 @@ def test_a_law_without_design_needs_its_system() -> None:
     assert law_policy(held(1.5), "servo")(observed("servo")) == [1.5]
 
 
+def test_a_law_as_a_policy_begins_anew_at_time_zero() -> None:
+    policy = law_policy(law("servo"))
+    runs = []
+    for _ in range(2):
+        for k, angle in enumerate((0.3, -0.1, 0.2)):
+            seen = {"time": k * 1e-3, "rotor angle": angle, "rotor speed": 1.0}
+            runs.append(policy(seen)[0])
+    assert runs[:3] == runs[3:]
+
+
 def test_a_law_in_discrete_time_needs_its_control_period() -> None:
     discrete = Realization(find_switching("sign"), 1e-3)
     policy = law_policy(nominal_controller("servo", "grosmc", "corrected", discrete))

@@ -38,15 +38,18 @@ def built(law: LawInC, x0: Any, folder: Path) -> Path:
     return unpacked
 
 
-def outputs(law: LawInC, folder: Path, x0: Any, signals: Mapping[str, Array], step: float) -> Array:
+def outputs(
+    law: LawInC, unpacked: Path, signals: Mapping[str, Array], step: float, begin: float = 0.0
+) -> Array:
     """First output of the FMU after each step, for inputs at the begin of each step."""
     inputs = np.zeros(SAMPLES, dtype=[(name, float) for name in ("time", *signals)])
-    inputs["time"] = np.arange(SAMPLES) * law.period
+    inputs["time"] = begin + np.arange(SAMPLES) * law.period
     for name, values in signals.items():
         inputs[name] = values
     result = fmpy.simulate_fmu(
-        str(built(law, x0, folder)),
-        stop_time=SAMPLES * law.period,
+        str(unpacked),
+        start_time=begin,
+        stop_time=begin + SAMPLES * law.period,
         step_size=step,
         output_interval=step,
         input=inputs,
@@ -55,26 +58,47 @@ def outputs(law: LawInC, folder: Path, x0: Any, signals: Mapping[str, Array], st
     return result[law.system.inputs[0].name][1:]
 
 
-def test_an_fmu_makes_the_samples_of_the_law_and_holds_them_between(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory: pytest.TempPathFactory) -> tuple[LawInC, Path]:
+    """A law without a loop, and its FMU."""
     law = law_of("servo/case1", "grosmc", "float")
+    return law, built(law, np.zeros(2), tmp_path_factory.mktemp("alone"))
+
+
+@pytest.mark.parametrize(("samples_a_step", "begin"), [(0.5, 0.0), (0.5, 0.25), (2, 0.0)])
+def test_an_fmu_makes_the_samples_of_the_law(
+    samples_a_step: float, begin: float, alone: tuple[LawInC, Path], tmp_path: Path
+) -> None:
+    """Between them it holds its output; a long step makes several with the same input."""
+    law, unpacked = alone
     x = np.random.default_rng(1).normal(size=(SAMPLES, 2))
     signals = dict(zip([state.name for state in law.system.states], x.T, strict=True))
-    u = outputs(law, tmp_path, np.zeros(2), signals, law.period / 2)
+    u = outputs(law, unpacked, signals, law.period * samples_a_step, begin)
 
     in_c = compiled(law, tmp_path)
     memory = np.zeros(len(law.memory.places))
     expected = np.zeros((SAMPLES, 1))
     in_c.begin(memory, x[0])
+    same = max(1, int(samples_a_step))
     for k in range(SAMPLES):
-        in_c.step(k * law.period, x[k], memory, expected[k])
-    np.testing.assert_array_equal(u, np.repeat(expected, 2))
+        in_c.step(k * law.period, x[k // same * same], memory, expected[k])
+    # The last sample before the end of each step.
+    ends = np.arange(1, SAMPLES / samples_a_step + 1) * samples_a_step
+    last = np.ceil(ends).astype(int) - 1
+    np.testing.assert_array_equal(u[: len(last)], expected[last, 0])
+
+
+def test_an_fmu_ends_where_an_input_is_not_finite(alone: tuple[LawInC, Path]) -> None:
+    law, unpacked = alone
+    with pytest.raises(Exception, match="fmi2DoStep failed with status 3"):
+        outputs(law, unpacked, {"rotor speed": np.full(SAMPLES, np.nan)}, law.period)
 
 
 def test_an_fmu_of_a_loop_reads_what_sensors_measure(tmp_path: Path) -> None:
     _, law = law_in("unsettled", predict=True)
     y = np.linspace(0.0, 0.1, SAMPLES)
     start = np.array([0.0, 1.0])
-    u = outputs(law, tmp_path, start, {"rotor angle": y}, law.period)
+    u = outputs(law, built(law, start, tmp_path), {"rotor angle": y}, law.period)
 
     in_c = compiled(law, tmp_path)
     memory = np.zeros(len(law.memory.places))
