@@ -183,16 +183,21 @@ def test_a_law_of_the_base_s_requirements_that_the_file_lacks_is_told_with_its_b
     assert line.endswith("; tables of your own replace those of cart_pendulum/case1")
 
 
+WRONG_LIMIT = {"requirement": [{"deviation_below": "1 m"}]}
+WRONG_LOAD = {"disturbance": [{"input": "no", "amplitude": "1 N m"}]}
+
+
 @pytest.mark.parametrize(
-    ("kind", "table"),
+    ("mine", "common", "words"),
     [
-        ("requirement", {"deviation_below": "1 m"}),
-        ("disturbance", {"input": "no", "amplitude": "1 N m"}),
+        ({}, WRONG_LIMIT, "requirement 1 of common.toml: "),
+        ({}, WRONG_LOAD, "disturbance 1 of common.toml: "),
+        (WRONG_LIMIT, WRONG_LIMIT, "requirement 1: "),
     ],
 )
-def test_a_mistake_in_a_table_of_the_base_names_the_base(tmp_path: Path, kind, table) -> None:
-    path = extended(tmp_path, common={kind: [table]})
-    with pytest.raises(GrosmcError, match=f"{kind} 1 of common.toml: "):
+def test_a_mistake_in_a_table_of_the_base_names_the_base(tmp_path, mine, common, words) -> None:
+    path = extended(tmp_path, mine, common)
+    with pytest.raises(GrosmcError, match=words):
         Experiment.load(path)
 
 
