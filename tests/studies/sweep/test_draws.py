@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
+import cases
 import numpy as np
 import pytest
 
@@ -13,20 +13,16 @@ from grosmc_mj.studies.sweep.draws import _worst, judged_over_draws
 from grosmc_mj.studies.sweep.runs import Outcomes
 
 DRAWS = 6
-NOISY = """
-plant = { system = "servo", compare = ["physics"] }
-run = { duration = "0.2 s" }
-controller = [{ law = "lqr" }]
-requirement = [{ final_error_below = "0.89 rad" }, { input_below = "1 kA" }]
-sensor = [{ of = "rotor angle", noise = "30 mrad", resolution = "1 mrad" }]
-"""
 
 
-@pytest.fixture
-def case(tmp_path: Path) -> Experiment:
-    file = tmp_path / "noisy.toml"
-    file.write_text(NOISY, encoding="utf-8")
-    return Experiment.load(file)
+@pytest.fixture(scope="module")
+def case() -> Experiment:
+    return cases.case(
+        plant={"compare": ["physics"]},
+        run={"duration": "0.2 s"},
+        requirement=[{"final_error_below": "0.89 rad"}, {"input_below": "1 kA"}],
+        sensor={"of": "rotor angle", "noise": "30 mrad", "resolution": "1 mrad"},
+    )
 
 
 def run_alone(case: Experiment, draw: int) -> RunResult:

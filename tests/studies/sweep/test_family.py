@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from campaign_cases import BOTH, campaign, mass_scale, of, plain
+from campaigns import BETWEEN_BOTH, BOTH, MASS, campaign, plain, uncertain
 from scipy import stats
 
 from grosmc_mj.experiments.file.schema import DistributionTable
@@ -106,18 +106,14 @@ def test_the_corners_are_all_corners() -> None:
     assert sorted(map(tuple, corners)) == list(itertools.product((0.0, 1.0), repeat=D))
 
 
-COPULA = """
-[[correlation]]
-between = ["rotor mass scale", "load amplitude"]
-coefficient = -0.8
-"""
 N = 4096
 
 
 @pytest.fixture(scope="module")
 def correlated() -> Array:
     """Values of two correlated numbers, (n, 2)."""
-    return campaign(plain(BOTH + COPULA)).family.values(random_points(2, 1, 0, N))
+    opposed = {**BETWEEN_BOTH, "coefficient": -0.8}
+    return campaign(plain(correlation=opposed)).family.values(random_points(2, 1, 0, N))
 
 
 def test_the_copula_correlates(correlated: Array) -> None:
@@ -135,56 +131,21 @@ def test_the_copula_keeps_the_marginals(correlated: Array) -> None:
     assert np.abs(shares - expected).max() < 2.23 / np.sqrt(N)
 
 
-EDITED = """
-[[edit]]
-body = "rotor"
-mass_scale = 2
-[[edit]]
-joint = "shaft"
-damping = 0.3
-"""
-SIX_NUMBERS = """
-[[uncertain]]
-number = "edit.rotor.mass_scale"
-values = [1, 3]
-[[uncertain]]
-number = "disturbance.load.scale"
-name = "load amplitude"
-values = [-1, 1]
-nominal = 0
-[[uncertain]]
-number = "edit.shaft.damping"
-values = [0, 1]
-[[uncertain]]
-number = "disturbance.load.onset"
-values = ["0.01 s", "0.03 s"]
-[[uncertain]]
-number = "disturbance.hum.frequency"
-values = ["0.5 Hz", "2 Hz"]
-[[uncertain]]
-number = "run.start.rotor speed"
-values = ["-1 rad/s", "3 rad/s"]
-"""
-
-
-def six_nominal_values() -> list[float]:
-    """The nominal values of six numbers, the second of which is an amplitude."""
-    return campaign(plain(SIX_NUMBERS) + EDITED).family.nominal.tolist()
-
-
-def test_nominal_values_are_those_of_the_file() -> None:
-    first_value, _, *later_values = six_nominal_values()
-    assert first_value == 2.0
-    assert later_values == [0.3, 0.02, 2 * math.pi, 0.0]
-
-
-def test_the_nominal_amplitude_of_a_disturbance_is_zero() -> None:
-    assert six_nominal_values()[1] == 0.0
+def test_nominal_values_are_those_of_the_file_and_no_disturbance() -> None:
+    edits = [{"body": "rotor", "mass_scale": 2}, {"joint": "shaft", "damping": 0.3}]
+    numbers = [
+        *BOTH,
+        uncertain("edit.shaft.damping", 0, 1),
+        uncertain("disturbance.load.onset", "0.01 s", "0.03 s"),
+        uncertain("disturbance.hum.frequency", "0.5 Hz", "2 Hz"),
+        uncertain("run.start.rotor speed", "-1 rad/s", "3 rad/s"),
+    ]
+    nominal = campaign(plain(*numbers, edit=edits)).family.nominal.tolist()
+    assert nominal == [2.0, 0.0, 0.3, 0.02, 2 * math.pi, 0.0]
 
 
 def test_a_nominal_value_may_be_given() -> None:
-    table = of("body", "rotor", "mass_scale = [1, 2]", "nominal = 1.5")
-    assert campaign(plain(table)).family.nominal.tolist() == [1.5]
+    assert campaign(plain({**MASS, "nominal": 1.5})).family.nominal.tolist() == [1.5]
 
 
 def test_scaling_moves_values_along_the_line_from_the_nominal_ones() -> None:
@@ -196,12 +157,12 @@ def test_scaling_moves_values_along_the_line_from_the_nominal_ones() -> None:
 
 
 @pytest.mark.parametrize(
-    ("spread", "largest"),
+    ("least", "largest"),
     # Where the least value meets zero; without such a value it is 8.
-    [("[0.5, 2]", 2), ("[0.75, 1]", 4), ("[1, 2]", 8)],
+    [(0.5, 2), (0.75, 4), (1, 8)],
 )
-def test_the_largest_scale_is_where_a_value_is_impossible(spread: str, largest: float) -> None:
-    declared = campaign(plain(mass_scale(spread)))
+def test_the_largest_scale_is_where_a_value_is_impossible(least: float, largest: float) -> None:
+    declared = campaign(plain(uncertain("edit.rotor.mass_scale", least, 2)))
     assert declared.largest_scale == pytest.approx(largest, rel=1e-8)
 
 

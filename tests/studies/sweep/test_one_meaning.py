@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import cases
 import pytest
 
 from grosmc_mj.experiments.experiment import Experiment
@@ -14,47 +15,36 @@ from grosmc_mj.studies.campaign.campaign import Campaign
 from grosmc_mj.studies.tolerance.tolerance import tolerance_study
 from grosmc_mj.studies.trials import Trial, Trials
 
-# A push moves the rotor from where it shall be; without `band` there is no error to be a share of.
-AT_REST = """
-[plant]
-system = "servo"
-[run]
-duration = "3 s"
-control_period = "1 ms"
-start = { "rotor angle" = "1 rad" }
-[[disturbance]]
-body = "rotor"
-torque = ["0 N m", "1 N m", "0 N m"]
-label = "load"
-profile = "pulse"
-start = "0 s"
-stop = "0.1 s"
-[[uncertain]]
-number = "edit.rotor.mass_scale"
-values = [1, 3]
-[[controller]]
-law = "lqr"
-[computing]
-delay = "2 ms"
-[[requirement]]
-settles_within = "2 s"
-"""
+
+def at_rest(folder: Path, **band: str) -> str:
+    """A case file of a rotor that is pushed from where it shall be.
+
+    Args:
+        folder: Its folder.
+        band: The band of its settling time: without it there is no error to be a share of.
+    """
+    push = {"body": "rotor", "torque": ["0 N m", "1 N m", "0 N m"], "label": "load"}
+    path = cases.write(
+        folder,
+        run={"duration": "3 s", "control_period": "1 ms", "start": {"rotor angle": "1 rad"}},
+        disturbance={**push, "profile": "pulse", "start": "0 s", "stop": "0.1 s"},
+        uncertain={"number": "edit.rotor.mass_scale", "values": [1, 3]},
+        computing={"delay": "2 ms"},
+        requirement={"settles_within": "2 s", **band},
+    )
+    return str(path)
 
 
 @pytest.mark.parametrize("load", [Experiment.load, Campaign.load, tolerance_study])
 def test_a_settling_time_at_rest_needs_a_band(load: Callable[[str], Any], tmp_path: Path) -> None:
-    file = tmp_path / "at_rest.toml"
-    file.write_text(AT_REST, encoding="utf-8")
     with pytest.raises(ArgumentError, match="2 % of the error at the start, and runs start wi"):
-        load(str(file))
+        load(at_rest(tmp_path))
 
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A case file that has the band of its settling time."""
-    path = tmp_path_factory.mktemp("at_rest") / "at_rest.toml"
-    path.write_text(f'{AT_REST}band = "20 mrad"\n', encoding="utf-8")
-    return str(path)
+    return at_rest(tmp_path_factory.mktemp("at_rest"), band="20 mrad")
 
 
 @pytest.fixture(scope="module")

@@ -1,14 +1,15 @@
 """Values of uncertain numbers reach the plant, its machine, its loop, disturbances and start."""
 
+from __future__ import annotations
+
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
-import campaign_cases as small
 import mujoco
 import numpy as np
 import pytest
-from campaign_cases import LQR, MACHINE, campaign, of, plain, servo, standing
+from campaigns import BOTH, LOOP, MACHINE, campaign, deviation_below, part, plain, uncertain
 
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.mechanics.machine import Motor
@@ -21,33 +22,33 @@ from grosmc_mj.studies.campaign.radius import radius
 from grosmc_mj.studies.sweep.quantities import Quantity
 from grosmc_mj.studies.sweep.runs import plant_of
 
-ADDED_MASS = """
-[[uncertain]]
-number = "edit.rotor.added_mass"
-values = ["0 kg", "1 kg"]
-"""
-AWAY = 'at = ["0.3 m", "0 m", "0.4 m"]\n'
-LENGTH = of("body", "rotor", "length_scale = [1, 2]")
-EDITED = """
-[[edit]]
-body = "rotor"
-length_scale = 1.5
-[[edit]]
-joint = "shaft"
-damping = 0.3
-"""
+ADDED_MASS = uncertain("edit.rotor.added_mass", "0 kg", "1 kg")
+AWAY = {**ADDED_MASS, "at": ["0.3 m", "0 m", "0.4 m"]}
+EDITS = [{"body": "rotor", "length_scale": 1.5}, {"joint": "shaft", "damping": 0.3}]
+
+Number = dict[str, Any]
 
 
-def sample(tables: str, *values: float, more: str = "") -> Experiment:
-    """The servo with these values."""
-    return campaign(plain(tables) + more).plant_sample(values)
+def sample(values: dict[str, float], *numbers: Number, **tables: Any) -> Experiment:
+    """The servo with these values, of factors or of numbers that are declared.
+
+    Args:
+        values: By the number; the declared numbers have theirs in their order.
+        numbers: Declared numbers; by default factors and numbers from 0 to 9.
+        tables: Other tables of the case.
+    """
+    declared = numbers or tuple(uncertain(number, 0.1, 9) for number in values)
+    return campaign(plain(*declared, **tables)).plant_sample([*values.values()])
 
 
-def models(tables: str, *values: float) -> tuple[Any, Any]:
+def models(values: dict[str, float], *numbers: Number) -> tuple[Any, Any]:
     """The compiled models of the nominal servo and of the one with these values."""
-    nominal: Any = campaign(plain(tables)).plant
-    changed: Any = plant_of(sample(tables, *values), nominal)
+    nominal: Any = campaign(plain(*BOTH)).plant
+    changed: Any = plant_of(sample(values, *numbers), nominal)
     return nominal.model, changed.model
+
+
+# Bodies and joints.
 
 
 # By powers of the scale: a longer body keeps its mass.
@@ -55,7 +56,7 @@ def models(tables: str, *values: float) -> tuple[Any, Any]:
     ("quantity", "mass", "inertia"), [("mass_scale", 1, 1), ("length_scale", 0, 2)]
 )
 def test_a_scale_of_a_body_reaches_the_model(quantity: str, mass: int, inertia: int) -> None:
-    nominal, scaled = models(of("body", "rotor", f"{quantity} = [1, 2]"), 1.7)
+    nominal, scaled = models({f"edit.rotor.{quantity}": 1.7})
     before = nominal.body("rotor")
     after = scaled.body("rotor")
     np.testing.assert_allclose(after.mass, 1.7**mass * before.mass, rtol=1e-14)
@@ -64,14 +65,10 @@ def test_a_scale_of_a_body_reaches_the_model(quantity: str, mass: int, inertia: 
 
 @pytest.mark.parametrize(
     ("quantity", "field"),
-    [
-        ("damping", "dof_damping"),
-        ("friction", "dof_frictionloss"),
-        ("armature", "dof_armature"),
-    ],
+    [("damping", "dof_damping"), ("friction", "dof_frictionloss"), ("armature", "dof_armature")],
 )
 def test_a_number_of_a_joint_reaches_the_model(quantity: str, field: str) -> None:
-    _, changed = models(of("joint", "shaft", f"{quantity} = [0, 1]"), 0.37)
+    _, changed = models({f"edit.shaft.{quantity}": 0.37})
     assert getattr(changed, field).tolist() == [0.37]
 
 
@@ -85,122 +82,89 @@ def shaft_inertia(model: Any) -> float:
 
 
 def test_an_added_mass_adds_its_inertia_about_the_shaft() -> None:
-    nominal, heavier = models(ADDED_MASS + AWAY, 0.2)
+    nominal, heavier = models({"added mass": 0.2}, AWAY)
     # The shaft is the y axis: J grows by m r^2.
     growth = shaft_inertia(heavier) - shaft_inertia(nominal)
     assert growth == pytest.approx(0.2 * (0.3**2 + 0.4**2), rel=1e-12)
 
 
 def test_an_added_mass_of_zero_changes_nothing() -> None:
-    nominal, unchanged = models(ADDED_MASS + AWAY, 0.0)
+    nominal, unchanged = models({"added mass": 0.0}, AWAY)
     assert unchanged.body_inertia.tolist() == nominal.body_inertia.tolist()
     assert unchanged.body_mass.tolist() == nominal.body_mass.tolist()
 
 
-MASS_AND_FRICTION = """
-[[uncertain]]
-number = "edit.rotor.mass_scale"
-values = [1, 2]
-[[uncertain]]
-number = "edit.shaft.friction"
-values = [0, 1]
-"""
-
-
 def test_uncertain_numbers_merge_with_the_files_edits() -> None:
-    assert sample(MASS_AND_FRICTION, 1.7, 0.1, more=EDITED).edits == (
+    values = {"edit.rotor.mass_scale": 1.7, "edit.shaft.friction": 0.1}
+    assert sample(values, edit=EDITS).edits == (
         BodyEdit("rotor", mass_scale=1.7, length_scale=1.5),
         JointEdit("shaft", damping=0.3, friction=0.1),
     )
 
 
 def test_an_uncertain_number_replaces_that_of_an_edit() -> None:
-    edits = sample(LENGTH, 1.2, more=EDITED).edits
+    edits = sample({"edit.rotor.length_scale": 1.2}, edit=EDITS).edits
     assert edits[0] == BodyEdit("rotor", length_scale=1.2)
 
 
 def test_an_added_mass_is_an_edit_of_its_own() -> None:
-    edits = sample(ADDED_MASS, 0.2, more=EDITED).edits
+    edits = sample({"added mass": 0.2}, ADDED_MASS, edit=EDITS).edits
     assert edits[2:] == (AddedMass("rotor", 0.2, (0.0, 0.0, 0.0)),)
 
 
 def test_plants_with_the_same_edits_are_one() -> None:
     values = np.array([[1.5, 0.1], [1.5, -0.3], [2.0, 0.1]])
-    first, second, third = Batch(campaign(plain()), values, [0] * 3).physics
+    first, second, third = Batch(campaign(plain(*BOTH)), values, [0] * 3).physics
     assert first is second
     assert second is not third
 
 
+# Disturbances and the start.
+
+
 def test_an_amplitude_scales_its_disturbance_alone() -> None:
-    load, hum = sample(of("disturbance", "load", "amplitude = [-2, 2]"), -1.5).disturbances
+    amplitude = uncertain("disturbance.load.scale", -2, 2, nominal=0)
+    load, hum = sample({"load": -1.5}, amplitude).disturbances
     assert (load.amplitudes, load.profile) == ((0, 0, 0, 0, -1.5, 0), Pulse(0.02, 0.03))
     assert hum.amplitudes == (0, 0, 0, 0, 0.1, 0)
 
 
 def test_a_pulse_with_another_onset_keeps_its_length() -> None:
-    onset = of("disturbance", "load", 'onset = ["0.1 s", "0.2 s"]')
-    load, hum = sample(onset, 0.125).disturbances
+    onset = uncertain("disturbance.load.onset", "0.1 s", "0.2 s")
+    load, hum = sample({"onset": 0.125}, onset).disturbances
     profile: Any = load.profile
     assert (profile.start, profile.stop) == (0.125, pytest.approx(0.135, rel=1e-12))
     assert hum.profile == SineFrom(2 * np.pi, 0.02)
 
 
-HUM_AND_START = """
-[[uncertain]]
-number = "disturbance.hum.frequency"
-values = ["1 Hz", "2 Hz"]
-[[uncertain]]
-number = "disturbance.hum.phase"
-values = ["0 deg", "9 deg"]
-[[uncertain]]
-number = "disturbance.hum.onset"
-values = ["0 s", "1 s"]
-[[uncertain]]
-number = "run.start.rotor speed"
-values = ["-1 rad/s", "1 rad/s"]
-"""
+def test_numbers_of_a_sine_and_a_start_reach_the_case() -> None:
+    """The sine begins after the pulse: the onset of a case is that of its first disturbance."""
+    case = sample(
+        {"frequency": 7.0, "phase": 1.0, "onset": 0.5, "speed": 0.25},
+        uncertain("disturbance.hum.frequency", "1 Hz", "2 Hz"),
+        uncertain("disturbance.hum.phase", "0 deg", "9 deg"),
+        uncertain("disturbance.hum.onset", "0 s", "1 s"),
+        uncertain("run.start.rotor speed", "-1 rad/s", "1 rad/s"),
+    )
+    assert case.disturbances[1].profile == SineFrom(frequency=7.0, onset=0.5, phase=1.0)
+    assert case.x0 == (0.0, 0.25)
+    assert case.onset == 0.02
 
 
-def changed_case() -> Experiment:
-    """The case with another sine, which begins after the pulse, and another start."""
-    return sample(HUM_AND_START, 7.0, 1.0, 0.5, 0.25)
+# Machines.
 
 
-def test_numbers_of_a_sine_reach_the_case() -> None:
-    profile = changed_case().disturbances[1].profile
-    assert profile == SineFrom(frequency=7.0, onset=0.5, phase=1.0)
-
-
-def test_a_start_reaches_the_case() -> None:
-    assert changed_case().x0 == (0.0, 0.25)
-
-
-def test_the_onset_of_a_case_is_that_of_its_first_disturbance() -> None:
-    assert changed_case().onset == 0.02
-
-
-MACHINE_NUMBERS = """
-[[uncertain]]
-number = "transmission.shaft.backlash"
-values = ["0 deg", "0.2 deg"]
-[[uncertain]]
-number = "lugre.shaft.coulomb"
-values = ["30 mN m", "70 mN m"]
-[[uncertain]]
-number = "motor.current.resistance"
-values = ["2 ohm", "3 ohm"]
-[[uncertain]]
-number = "wall.rotor.radius"
-values = ["0.5 cm", "1.5 cm"]
-[[uncertain]]
-number = "stop.shaft.restitution"
-values = [0.1, 0.5]
-"""
-
-
+@cache
 def machine() -> Campaign:
     """A servo as it is built, with uncertain numbers of its machine."""
-    return campaign(standing(MACHINE_NUMBERS, MACHINE))
+    numbers = [
+        uncertain("transmission.shaft.backlash", "0 deg", "0.2 deg"),
+        uncertain("lugre.shaft.coulomb", "30 mN m", "70 mN m"),
+        uncertain("motor.current.resistance", "2 ohm", "3 ohm"),
+        uncertain("wall.rotor.radius", "0.5 cm", "1.5 cm"),
+        uncertain("stop.shaft.restitution", 0.1, 0.5),
+    ]
+    return campaign(part(*numbers, **MACHINE))
 
 
 def test_numbers_of_a_machine_have_the_file_s_values() -> None:
@@ -222,14 +186,11 @@ def machines() -> tuple[Any, Any]:
     return nominal, plant_of(machine().plant_sample([2e-3, 0.06, 2.2, 0.012, 0.5]), nominal)
 
 
-def test_backlash_reaches_the_model(machines: tuple[Any, Any]) -> None:
+def test_numbers_of_gear_wall_and_friction_reach_the_model(machines: tuple[Any, Any]) -> None:
     _, changed = machines
     assert changed.model.tendon_lengthspring[0] == pytest.approx([-1e-3, 1e-3])
-
-
-def test_a_radius_of_a_wall_s_ball_reaches_the_model(machines: tuple[Any, Any]) -> None:
-    _, changed = machines
     assert changed.model.geom("bumper 1").size[0] == 0.012
+    assert [part.coulomb for part in changed.parts if hasattr(part, "coulomb")] == [0.06]
 
 
 def test_a_resistance_reaches_the_brake(machines: tuple[Any, Any]) -> None:
@@ -246,88 +207,52 @@ def test_a_restitution_changes_the_damping_of_the_contact(machines: tuple[Any, A
     assert differs.tolist() == [False, True]
 
 
-def test_friction_reaches_its_part(machines: tuple[Any, Any]) -> None:
-    _, changed = machines
-    assert [part.coulomb for part in changed.parts if hasattr(part, "coulomb")] == [0.06]
-
-
-ELBOW_MOTOR = """
-[[motor]]
-input = "elbow torque"
-constant = "0.1 N m/A"
-resistance = "2 ohm"
-"""
-
-
 def test_an_input_is_uncertain_by_the_name_that_files_call_it() -> None:
-    resistance = of("motor", "elbow torque", 'resistance = ["1 ohm", "3 ohm"]')
-    declared = campaign(standing(resistance, ELBOW_MOTOR + LQR, "two_link_arm"))
+    resistance = uncertain("motor.elbow torque.resistance", "1 ohm", "3 ohm")
+    elbow = {"input": "elbow torque", "constant": "0.1 N m/A", "resistance": "2 ohm"}
+    declared = campaign(part(resistance, system="two_link_arm", motor=elbow))
     (quantity,) = declared.family.quantities
     (motor,) = [edit for edit in declared.plant_sample([2.5]).edits if isinstance(edit, Motor)]
     assert (motor.input, motor.resistance) == ("elbow_torque", 2.5)
     assert quantity.name == "elbow torque resistance"
 
 
-COULOMB = of("lugre", "shaft", 'coulomb = ["40 mN m", "60 mN m"]')
+def test_the_largest_scale_is_that_of_a_machine_that_can_be() -> None:
+    """Beyond twice the uncertainty sliding friction would be larger than static friction."""
+    coulomb = uncertain("lugre.shaft.coulomb", "40 mN m", "60 mN m")
+    limits = deviation_below("1 prad")
+    declared = campaign(part(coulomb, **MACHINE, requirement=limits))
+    assert declared.family.largest_scale > 2.0 >= declared.largest_scale
+    assert declared.largest_scale == pytest.approx(2.0, rel=2e-3)
+    assert radius(declared, "lqr").largest == declared.largest_scale
+
+
+# Loops.
 
 
 @cache
-def rubbing() -> Campaign:
-    """A servo with uncertain friction.
-
-    Beyond twice the uncertainty sliding friction would be larger than static friction.
-    """
-    return campaign(standing(COULOMB, MACHINE))
-
-
-def test_the_largest_scale_is_that_of_a_machine_that_can_be() -> None:
-    declared = rubbing()
-    assert declared.family.largest_scale > 2.0 >= declared.largest_scale
-    assert declared.largest_scale == pytest.approx(2.0, rel=2e-3)
-
-
-def test_a_radius_is_searched_up_to_the_largest_scale() -> None:
-    assert radius(rubbing(), "lqr").largest == rubbing().largest_scale
-
-
-LOOP_NUMBERS = """
-[[uncertain]]
-number = "computing.delay"
-values = ["0 ms", "4 ms"]
-[[uncertain]]
-number = "sensor.rotor angle.noise"
-values = ["0 mrad", "0.3 mrad"]
-[[uncertain]]
-number = "estimator.rotor speed.bandwidth"
-values = ["50 rad/s", "200 rad/s"]
-[[uncertain]]
-number = "actuator.current.lag"
-values = ["0 ms", "3 ms"]
-"""
-
-
 def looped() -> Campaign:
     """A servo with uncertain numbers of its loop."""
-    return campaign(standing(LOOP_NUMBERS, small.LOOP + small.DEVIATION))
-
-
-def test_numbers_of_a_loop_have_names() -> None:
-    assert looped().family.names == [
-        "computing delay",
-        "rotor angle noise",
-        "rotor speed bandwidth",
-        "current lag",
+    numbers = [
+        uncertain("computing.delay", "0 ms", "4 ms"),
+        uncertain("sensor.rotor angle.noise", "0 mrad", "0.3 mrad"),
+        uncertain("estimator.rotor speed.bandwidth", "50 rad/s", "200 rad/s"),
+        uncertain("actuator.current.lag", "0 ms", "3 ms"),
     ]
+    return campaign(part(*numbers, **LOOP, requirement=deviation_below("3 mrad")))
 
 
-def test_numbers_of_a_loop_have_units() -> None:
-    units = [number.unit for number in looped().family.quantities]
-    assert units == ["s", "rad", "rad/s", "s"]
+def test_numbers_of_a_loop_have_names_and_units() -> None:
+    assert {number.name: number.unit for number in looped().family.quantities} == {
+        "computing delay": "s",
+        "rotor angle noise": "rad",
+        "rotor speed bandwidth": "rad/s",
+        "current lag": "s",
+    }
 
 
 def test_delays_of_a_loop_are_whole_timesteps() -> None:
-    loop = looped().plant_sample([2.4e-3, 1e-4, 80.0, 2e-3]).loop
-    assert loop is not None
+    loop: Any = looped().plant_sample([2.4e-3, 1e-4, 80.0, 2e-3]).loop
     assert loop.computing.delay == pytest.approx(2e-3)
     assert loop.sensors[0].noise == 1e-4
     assert loop.estimators[0].bandwidth == 80.0
@@ -367,6 +292,6 @@ def test_a_map_shows_delays_as_they_are_run() -> None:
 
 
 def test_a_factor_has_the_unit_1_on_a_map() -> None:
-    scale, load = campaign(servo()).family.quantities
+    scale, load = campaign(plain(*BOTH)).family.quantities
     titles = map_of(looped(), scale, [1.0, 2.0], load).titles
     assert titles == ("rotor mass scale [1]", "load amplitude [1]")
