@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import io
 import itertools
 import json
@@ -11,12 +10,12 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from commands import run
-from conftest import Store, Stored
+from commands import Patch
+from conftest import Store
 from rich.cells import cell_len
 from rich.console import Console
 from shipped import REGULATION, uncertainty_of
@@ -98,11 +97,11 @@ def too_wide(*tables: object) -> list[str]:
 # The data of the claims
 
 
-def test_every_claim_has_its_texts() -> None:
-    for claim in CLAIMS:
-        assert all(text.strip() for text in (*texts(claim), claim.untested)), claim.id
-        assert re.search(r"\d", claim.source), "no section, figure, equation or theorem"
-        assert claim.quote or claim.kind is not Kind.CLAIM
+@pytest.mark.parametrize("claim", CLAIMS, ids=BY_ID)
+def test_a_claim_has_its_texts_and_the_place_that_it_rests_on(claim: Claim) -> None:
+    assert all(text.strip() for text in (*texts(claim), claim.untested))
+    assert re.search(r"\d", claim.source), "no section, figure, equation or theorem"
+    assert claim.quote or claim.kind is not Kind.CLAIM
 
 
 def test_claims_are_judged_on_physics_but_for_one_that_is_algebra() -> None:
@@ -110,32 +109,25 @@ def test_claims_are_judged_on_physics_but_for_one_that_is_algebra() -> None:
     assert elsewhere == {"proof-3"}
 
 
-def test_a_claim_has_a_cause_unless_it_is_supported() -> None:
-    for expected in EXPECTED:
-        assert bool(expected.claim.cause) == (expected.verdict is not SUPPORTED), expected.claim.id
+@pytest.mark.parametrize("expected", EXPECTED, ids=BY_ID)
+def test_an_expected_verdict_has_its_cause_its_premise_or_its_choice(
+    expected: ClaimFinding,
+) -> None:
+    """An undetermined claim turns on a choice that it must hold for, and that is not printed."""
+    claim = expected.claim
+    assert bool(claim.cause) == (expected.verdict is not SUPPORTED)
+    assert expected.verdict is not PREMISE_NOT_MET or claim.premise is not None
+    if expected.verdict is UNDETERMINED:
+        unprinted = {choice.name for choice in claim.choices if not choice.printed}
+        assert unprinted & set(stored_flips(claim.id)) & set(claim.every)
 
 
-def test_a_premise_that_is_not_met_can_be_named() -> None:
-    for expected in EXPECTED:
-        assert expected.verdict is not PREMISE_NOT_MET or expected.claim.premise is not None
-
-
-def test_an_undetermined_claim_turns_on_a_choice_that_it_must_hold_for() -> None:
-    for expected in EXPECTED:
-        claim = expected.claim
-        if expected.verdict is UNDETERMINED:
-            unprinted = {choice.name for choice in claim.choices if not choice.printed}
-            turning = unprinted & set(stored_flips(claim.id))
-            assert turning & set(claim.every), claim.id
-
-
-def test_the_story_of_a_claim_has_its_texts_within_the_width() -> None:
-    because = "epsilon: " + "a reason " * 20
-    for expected in EXPECTED:
-        tables = story.claim_tables(replace(expected, because=because))
-        told = " ".join(cell for row in tables[0].rows for cell in row)
-        assert [text for text in texts(expected.claim) if text not in told] == []
-        assert too_wide(*tables) == []
+@pytest.mark.parametrize("expected", EXPECTED, ids=BY_ID)
+def test_the_story_of_a_claim_has_its_texts_within_the_width(expected: ClaimFinding) -> None:
+    tables = story.claim_tables(replace(expected, because="epsilon: " + "a reason " * 20))
+    told = " ".join(cell for row in tables[0].rows for cell in row)
+    assert [text for text in texts(expected.claim) if text not in told] == []
+    assert too_wide(*tables) == []
 
 
 def test_no_id_stands_twice() -> None:
@@ -431,75 +423,77 @@ def test_a_value_within_half_of_the_threshold_is_near(value: float | None, near:
     assert judged(invented([ClaimValue(value)] * 2)).near is near
 
 
+class Chosen(NamedTuple):
+    """A claim over the values of a choice.
+
+    Attributes:
+        values: Of the choice.
+        meant: Its quantifier.
+        verdict: Its verdict.
+        holds: Answers at the values; None where the law cannot be designed.
+        flip: Value at which the answer changes, if it does.
+    """
+
+    values: list[float]
+    meant: dict[str, tuple[str, ...]]
+    verdict: ClaimVerdict
+    holds: list[bool | None]
+    flip: float | None
+
+    def claim(self, **changes: Any) -> Claim:
+        choice = claims.Choice("size", tuple(self.values), argument="size")
+        return invented([], choices=(choice,), **self.meant, **changes)
+
+
 EVERY = {"every": ("size",)}
 SOME = {"some": ("size",)}
-# Values of a choice, the claim's quantifier, its verdict, answers at the values, and their flip.
 CHOICES = [
-    ([1.0, 3.0], EVERY, UNDETERMINED, [True, False], 2.0),
-    ([3.0, 4.0], EVERY, REFUTED, [False, False], None),
-    ([1.0, 3.0], SOME, SUPPORTED, [True, False], 2.0),
-    ([3.0, 4.0], SOME, REFUTED, [False, False], None),
-    ([1.0, 3.0], {}, REFUTED, [True, False], 2.0),
+    Chosen([1.0, 3.0], EVERY, UNDETERMINED, [True, False], 2.0),
+    Chosen([3.0, 4.0], EVERY, REFUTED, [False, False], None),
+    Chosen([1.0, 3.0], SOME, SUPPORTED, [True, False], 2.0),
+    Chosen([3.0, 4.0], SOME, REFUTED, [False, False], None),
+    Chosen([1.0, 3.0], {}, REFUTED, [True, False], 2.0),
     # A choice that cannot be designed tells nothing.
-    ([-1.0, 3.0], EVERY, REFUTED, [None, False], None),
+    Chosen([-1.0, 3.0], EVERY, REFUTED, [None, False], None),
 ]
-over_choices = pytest.mark.parametrize(("values", "meant", "verdict", "holds", "flip"), CHOICES)
-
-
-def with_choice(values: list[float], meant: Mapping[str, Any], **changes: Any) -> Claim:
-    choice = claims.Choice("size", tuple(values), argument="size")
-    return invented([], choices=(choice,), **meant, **changes)
+over_choices = pytest.mark.parametrize("chosen", CHOICES)
 
 
 @over_choices
-def test_verdict_over_choices(
-    values: list[float], meant: Any, verdict: ClaimVerdict, holds: Any, flip: float | None
-) -> None:
-    claim = with_choice(values, meant)
-    result = judged(claim)
-    assert result.verdict is verdict
-    assert bool(result.turns) == (verdict is UNDETERMINED)
-    assert ("for every" in claim.quantifier) == ("every" in meant)
+def test_verdict_over_choices(chosen: Chosen) -> None:
+    result = judged(chosen.claim())
+    assert result.verdict is chosen.verdict
+    assert bool(result.turns) == (chosen.verdict is UNDETERMINED)
+    assert ("for every" in chosen.claim().quantifier) == ("every" in chosen.meant)
 
 
 @over_choices
-def test_a_premise_explains_a_verdict_over_choices(
-    values: list[float], meant: Any, verdict: ClaimVerdict, holds: Any, flip: float | None
-) -> None:
-    result = judged(with_choice(values, meant, premise=lambda _: "too small"))
-    if verdict is REFUTED:
-        verdict = PREMISE_NOT_MET
-    assert result.verdict is verdict
-    assert result.because == ("" if verdict is SUPPORTED else "too small")
+def test_a_premise_explains_a_verdict_over_choices(chosen: Chosen) -> None:
+    result = judged(chosen.claim(premise=lambda _: "too small"))
+    assert result.verdict is (PREMISE_NOT_MET if chosen.verdict is REFUTED else chosen.verdict)
+    assert result.because == ("" if chosen.verdict is SUPPORTED else "too small")
 
 
 @over_choices
-def test_a_claim_that_holds_for_some_value_only_names_it(
-    values: list[float], meant: Any, verdict: ClaimVerdict, holds: Any, flip: float | None
-) -> None:
-    result = judged(with_choice(values, meant))
-    assert result.needs == ("size = 1" if verdict is SUPPORTED else "")
+def test_a_claim_that_holds_for_some_value_only_names_it(chosen: Chosen) -> None:
+    result = judged(chosen.claim())
+    assert result.needs == ("size = 1" if chosen.verdict is SUPPORTED else "")
     (statements,) = story.statements_tables([result])
-    assert ("(with size = 1)" in statements.rows[0][1]) == (verdict is SUPPORTED)
+    assert ("(with size = 1)" in statements.rows[0][1]) == (chosen.verdict is SUPPORTED)
 
 
 @over_choices
-def test_a_sweep_finds_where_the_answer_changes(
-    values: list[float], meant: Any, verdict: ClaimVerdict, holds: Any, flip: float | None
-) -> None:
+def test_a_sweep_finds_where_the_answer_changes(chosen: Chosen) -> None:
     stub: Any = Level()
-    (swept,) = sweep(stub, [with_choice(values, meant)])
-    assert [trial["holds"] for trial in swept["values"]] == holds
-
-    content = sweeps_result([swept], LAB.settings)
-    words = content.answers[0].words
-    if flip is None:
+    (swept,) = sweep(stub, [chosen.claim()])
+    words = sweeps_result([swept], LAB.settings).answers[0].words
+    assert [trial["holds"] for trial in swept["values"]] == chosen.holds
+    assert words.startswith("0 of 1" if chosen.flip is None else "1 of 1")
+    if chosen.flip is None:
         assert swept["flips"] == ""
-        assert words.startswith("0 of 1")
     else:
         size = float(swept["flips"].removeprefix("at size = "))
-        assert size == pytest.approx(flip, abs=1 / 16)
-        assert words.startswith("1 of 1")
+        assert size == pytest.approx(chosen.flip, abs=1 / 16)
 
 
 def shifted(lab: Any, _: str, *, case: float, shift: float = 0.0) -> ClaimValue:
@@ -516,28 +510,22 @@ def extreme(cases: list[float], take: Any, shift: float = 0.0, **options: Any) -
     return ClaimMeasurement(shifted, {"case": cases}, take, **options)(stub, "physics", shift=shift)
 
 
-def test_a_measurement_extrapolates_the_largest() -> None:
-    """2 (3 + 1/2) - (3 + 1)."""
-    measured = extreme([1.0, 3.0, 2.0], "largest", extrapolated=True)
-    assert measured.value == 3.0
-    assert not measured.broken
-
-
-def test_a_measurement_takes_the_least() -> None:
-    measured = extreme([1.0, 3.0, 2.0], "least", shift=1.0)
-    assert measured.value == 3.0
-    assert not measured.broken
-
-
-def test_an_extreme_has_no_value_where_one_of_its_points_has_none() -> None:
-    measured = extreme([1.0, 0.0], "least")
-    assert measured.value is None
-    assert not measured.broken
-
-
-def test_an_extreme_is_broken_where_a_run_ended() -> None:
-    measured = extreme([1.0, 99.0], "largest")
-    assert measured == ClaimValue(None, "the run ended", broken=True)
+@pytest.mark.parametrize(
+    ("measured", "expected"),
+    [
+        # 2 (3 + 1/2) - (3 + 1).
+        (extreme([1.0, 3.0, 2.0], "largest", extrapolated=True), ClaimValue(3.0)),
+        (extreme([1.0, 3.0, 2.0], "least", shift=1.0), ClaimValue(3.0)),
+        (extreme([1.0, 0.0], "least"), ClaimValue(None)),
+        (extreme([1.0, 99.0], "largest"), ClaimValue(None, "the run ended", broken=True)),
+    ],
+    ids=["extrapolated", "least", "no value at a point", "a run ended"],
+)
+def test_a_measurement_takes_the_extreme_of_its_points(
+    measured: ClaimValue, expected: ClaimValue
+) -> None:
+    assert (measured.value, measured.broken) == (expected.value, expected.broken)
+    assert measured.note.startswith(expected.note)
 
 
 @pytest.mark.parametrize(
@@ -622,10 +610,6 @@ def test_the_document_has_every_sentence_with_its_verdict() -> None:
     assert rows == [(sentence.quote, sentence.verdict.value) for sentence in SENTENCES]
 
 
-def test_the_terminal_counts_sentences() -> None:
-    assert story.counts_table(EXPECTED).rows[0] == counts_row()
-
-
 def test_the_table_of_causes_has_every_claim_that_is_not_supported() -> None:
     causes = {}
     for cause, ids, _ in story.causes_table(EXPECTED).rows:
@@ -692,44 +676,20 @@ def test_every_claim_stands_in_one_table_within_the_width_whatever_its_verdict()
     assert too_wide(*story.claims_tables(mixed)) == []
 
 
-@pytest.fixture(scope="module")
-def one_claim(store: Store) -> Stored:
-    """The command about one claim."""
-    return store.command("claims", "arm-epsilon")
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "words", ["REFUTED", "Theorem 3", "along a run that stays on its surface", "|d/M(q)|"]
-)
-def test_the_command_tells_one_claim(words: str, one_claim: Stored) -> None:
-    assert one_claim.code == cli.DONE
-    assert words in one_claim.said
+def test_the_command_tells_and_draws_one_claim(store: Store) -> None:
+    told = store.command("claims", "arm-epsilon")
+    assert told.code == cli.DONE
+    for words in ("REFUTED", "Theorem 3", "along a run that stays on its surface", "|d/M(q)|"):
+        assert words in told.said
+    assert (told.folder / "claims" / "arm-epsilon.png").stat().st_size > 10_000
 
 
-@pytest.mark.slow
-def test_the_command_draws_one_claim(one_claim: Stored) -> None:
-    assert one_claim.code == cli.DONE
-    assert (one_claim.folder / "claims" / "arm-epsilon.png").stat().st_size > 10_000
-
-
-@pytest.fixture(scope="module")
-def answer_lines(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
-    """Lines that the command prints where all verdicts are as expected."""
-    folder = tmp_path_factory.mktemp("all_claims")
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(claims_command, "judge_in_processes", lambda *_: EXPECTED)
-        with contextlib.redirect_stdout(io.StringIO()) as output:
-            assert run("claims", "--out", folder) == cli.DONE
-    return output.getvalue().rstrip("\n").split("\n")
-
-
-def test_the_command_answers_first(answer_lines: list[str]) -> None:
-    assert answer_lines[0].startswith("All verdicts are as expected")
-
-
-def test_the_command_answers_briefly(answer_lines: list[str]) -> None:
-    assert len(answer_lines) <= 40
+def test_the_command_answers_briefly_where_all_verdicts_are_as_expected(
+    printed: Any, monkeypatch: Patch
+) -> None:
+    monkeypatch.setattr(claims_command, "judge_in_processes", lambda *_: EXPECTED)
+    printed("claims")
 
 
 @pytest.mark.parametrize(

@@ -60,44 +60,29 @@ def inputs(law: Controller) -> tuple[Array, Array]:
 # Each fault changes its own part
 
 
-@cache
-def sound_inputs(system: str, name: str) -> tuple[Array, Array]:
-    return inputs(sound(system, name))
+LAWS = [(system, name) for system in SYSTEMS for name in controller_names(system)]
+of_each_law = pytest.mark.parametrize(("system", "name"), LAWS)
 
 
-@cache
-def inputs_of_wrong_sign(system: str, name: str) -> tuple[Array, Array]:
-    return inputs(faulty("wrong sign of u", system, name))
+@of_each_law
+def test_a_wrong_sign_reverses_u_and_leaves_s(system: str, name: str) -> None:
+    u, s = inputs(sound(system, name))
+    wrong_u, wrong_s = inputs(faulty("wrong sign of u", system, name))
+    assert np.array_equal(wrong_u, -u)
+    assert np.array_equal(wrong_s, s)
 
 
-@pytest.mark.parametrize("system", SYSTEMS)
-def test_a_wrong_sign_reverses_u(system: str) -> None:
-    for name in controller_names(system):
-        u, _ = sound_inputs(system, name)
-        wrong, _ = inputs_of_wrong_sign(system, name)
-        assert np.array_equal(wrong, -u)
-
-
-@pytest.mark.parametrize("system", SYSTEMS)
-def test_a_wrong_sign_leaves_s(system: str) -> None:
-    for name in controller_names(system):
-        _, s = sound_inputs(system, name)
-        _, wrong = inputs_of_wrong_sign(system, name)
-        assert np.array_equal(wrong, s)
-
-
-@pytest.mark.parametrize("system", SYSTEMS)
-def test_without_gain_grosmc_is_its_continuous_part(system: str) -> None:
+@of_each_law
+def test_without_gain_grosmc_is_its_continuous_part(system: str, name: str) -> None:
     continuous = "fl-lqr" if system == "cart_pendulum" else "lqr"
-    for name in controller_names(system):
-        law = faulty("zero switching gain", system, name)
-        alone = sound(system, continuous if name == "grosmc" else name)
-        assert inputs(law)[0] == pytest.approx(inputs(alone)[0], rel=1e-13)
+    law = faulty("zero switching gain", system, name)
+    alone = sound(system, continuous if name == "grosmc" else name)
+    assert inputs(law)[0] == pytest.approx(inputs(alone)[0], rel=1e-13)
 
-        x = samples(law)[0][1][None]
-        s = np.full((1, law.coordinates.size), 0.3)
-        reaching = nominal_law(law, [0.0], x, s)
-        assert switching_rate(law.parameters, reaching).tolist() == [0.0]
+    x = samples(law)[0][1][None]
+    s = np.full((1, law.coordinates.size), 0.3)
+    reaching = nominal_law(law, [0.0], x, s)
+    assert switching_rate(law.parameters, reaching).tolist() == [0.0]
 
 
 @pytest.mark.parametrize("system", SYSTEMS)

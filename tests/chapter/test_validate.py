@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import json
 import math
 from collections.abc import Callable
@@ -14,7 +12,7 @@ import numpy as np
 import pytest
 import scipy.integrate
 import scipy.linalg
-from commands import run
+from commands import Patch, Screen, run
 from conftest import Store, Stored
 from rich.cells import cell_len
 
@@ -70,16 +68,10 @@ def test_everything_is_as_recorded(everything: Stored, document: dict[str, Any])
 SAME_ACCELERATION = 1e-10
 
 
-def test_corrected_equations_agree_with_physics(document: dict[str, Any]) -> None:
+def test_only_the_corrected_equations_agree_with_physics(document: dict[str, Any]) -> None:
     for row in document["agreement"]:
-        if row["variant"] == "corrected":
-            assert row["acceleration"] < SAME_ACCELERATION
-
-
-def test_printed_equations_do_not_agree_with_physics(document: dict[str, Any]) -> None:
-    for row in document["agreement"]:
-        if row["variant"] != "corrected":
-            assert not row["acceleration"] < SAME_ACCELERATION
+        agrees = row["acceleration"] < SAME_ACCELERATION
+        assert agrees == (row["variant"] == "corrected"), row
 
 
 def test_every_run_is_complete_with_its_metrics(document: dict[str, Any]) -> None:
@@ -125,12 +117,9 @@ def answer_lines(everything: Stored) -> list[str]:
     return f"{answer}{end}".rstrip("\n").split("\n")
 
 
-def test_the_answer_comes_first(everything: Stored) -> None:
-    assert answer_lines(everything)[0].startswith("All 127 runs are as recorded")
-
-
-def test_the_answer_is_brief(everything: Stored) -> None:
+def test_the_answer_comes_first_and_is_brief(everything: Stored) -> None:
     lines = answer_lines(everything)
+    assert lines[0].startswith("All 127 runs are as recorded")
     assert len(lines) <= 40
     assert [line for line in lines if cell_len(line.rstrip()) > 100] == []
 
@@ -161,7 +150,7 @@ def test_a_folder_is_not_worse_than_itself(
     assert "Nothing got worse" in capsys.readouterr().out
 
 
-def change_record(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def change_record(folder: Path, monkeypatch: Patch) -> None:
     """Set a record that three runs of servo/nominal differ from, each in another way."""
     content = expected.load_expected()
     runs = content["runs"]
@@ -173,77 +162,44 @@ def change_record(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(expected, "EXPECTED_FILE", path)
 
 
-def validate_nominal(folder: Path, *options: str) -> Stored:
-    """Validate the servo's nominal case."""
-    arguments = ("validate", "servo/nominal", "--no-figures", "--out", folder, *options)
-    with contextlib.redirect_stdout(io.StringIO()) as output:
-        code = run(*arguments)
-    return Stored(code, output.getvalue(), folder)
+NOMINAL = ("validate", "servo/nominal", "--no-figures")
 
 
-@pytest.fixture(scope="module")
-def not_as_recorded(tmp_path_factory: pytest.TempPathFactory) -> Stored:
-    """One validation with a changed record."""
-    folder = tmp_path_factory.mktemp("not_as_recorded")
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        change_record(folder, monkeypatch)
-        return validate_nominal(folder)
-
-
-def test_results_that_are_not_as_recorded_exit_1(not_as_recorded: Stored) -> None:
-    assert not_as_recorded.code == cli.DIFFERS
-
-
-@pytest.mark.parametrize(
-    "difference",
-    [
+def test_a_result_that_is_not_as_recorded_is_named(
+    tmp_path: Path, monkeypatch: Patch, capsys: Screen
+) -> None:
+    change_record(tmp_path, monkeypatch)
+    assert run(*NOMINAL, "--out", tmp_path) == cli.DIFFERS
+    lines = [line for line in capsys.readouterr().out.splitlines() if "differs: " in line]
+    starts = [
+        "corrected/lqr: not recorded",
         "physics/lqr: deviation is",
         "physics/grosmc: completed, recorded diverged",
-        "corrected/lqr: not recorded",
-    ],
-)
-def test_a_result_that_is_not_as_recorded_is_named(
-    difference: str, not_as_recorded: Stored
-) -> None:
-    assert f"servo/nominal/{difference}" in not_as_recorded.said
+    ]
+    for line, start in zip(lines, starts, strict=True):
+        assert line.startswith(f"differs: servo/nominal/{start}")
+    document = json.loads((tmp_path / "validation.json").read_text(encoding="utf-8"))
+    breaks = {row["law"]: row["breaks_at"] for row in document["standings"]}
+    assert breaks == {"lqr": "record", "grosmc": ""}
 
 
-def test_a_law_that_is_not_as_recorded_breaks_at_the_record(not_as_recorded: Stored) -> None:
-    rows = not_as_recorded.read("validation.json")["standings"]
-    standings = {row["law"]: row["breaks_at"] for row in rows}
-    assert standings == {"lqr": "record", "grosmc": ""}
-
-
-def test_recorded_results_are_repeated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_recorded_results_are_repeated(tmp_path: Path, monkeypatch: Patch) -> None:
     change_record(tmp_path, monkeypatch)
-    assert validate_nominal(tmp_path, "--record").code == cli.DONE
-    assert validate_nominal(tmp_path).code == cli.DONE
+    assert run(*NOMINAL, "--record", "--out", tmp_path) == cli.DONE
+    assert run(*NOMINAL, "--out", tmp_path) == cli.DONE
 
 
-@pytest.fixture(scope="module")
-def differs_from_physics(tmp_path_factory: pytest.TempPathFactory) -> Stored:
-    """One validation in which no difference of the accelerations is small enough."""
-    folder = tmp_path_factory.mktemp("differs_from_physics")
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(agreement, "AGREEMENT_BOUND", 0.0)
-        return validate_nominal(folder)
-
-
-def test_equations_that_differ_from_physics_exit_1(differs_from_physics: Stored) -> None:
-    assert differs_from_physics.code == cli.DIFFERS
-
-
-def test_equations_that_differ_from_physics_are_named(differs_from_physics: Stored) -> None:
-    output = " ".join(differs_from_physics.said.split())
-    assert "differs: servo, nominal: accelerations" in output
-
-
-def test_equations_that_differ_from_physics_are_a_difference_of_the_document(
-    differs_from_physics: Stored,
+def test_equations_that_differ_from_physics_are_named(
+    tmp_path: Path, monkeypatch: Patch, capsys: Screen
 ) -> None:
-    content = differs_from_physics.read("validation.json")
-    assert content["as_recorded"] is False
-    assert content["differences"]
+    """No difference of the accelerations is small enough."""
+    monkeypatch.setattr(agreement, "AGREEMENT_BOUND", 0.0)
+    assert run(*NOMINAL, "--out", tmp_path) == cli.DIFFERS
+    words = " ".join(capsys.readouterr().out.split())
+    assert "differs: servo, nominal: accelerations of MuJoCo and the corrected equations" in words
+    document = json.loads((tmp_path / "validation.json").read_text(encoding="utf-8"))
+    assert document["as_recorded"] is False
+    assert document["differences"]
 
 
 # The ledger of claims
