@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -18,7 +19,7 @@ from grosmc_mj.chapter.claims.formulas import in_text
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import SetupError
 from grosmc_mj.output.charts.chart import Chart, ChartAxis, Curve, Layer, Panel
-from grosmc_mj.output.charts.envelope import jumps
+from grosmc_mj.output.charts.envelope import envelope, jumps
 from grosmc_mj.output.charts.figure import drawn, write_chart
 from grosmc_mj.output.charts.interactive import page_figure
 from grosmc_mj.output.charts.of_results import chart_of, panels_chart
@@ -76,75 +77,49 @@ def test_a_document_in_a_file_is_refused(tmp_path: Path) -> None:
 # Tables.
 
 
-def printed(shown: tables.Table) -> list[str]:
-    """Return the lines of a table in a wide terminal."""
+def lines_of(title: str, columns: list[Any], *rows: Sequence[str], **options: Any) -> list[str]:
+    """Return the lines of a table in a wide terminal, without the rule below its header."""
     console = Console(width=160, color_system=None)
     with console.capture() as capture:
-        console.print(shown)
-    return [line.rstrip() for line in capture.get().splitlines()]
+        console.print(table(title, columns, rows, **options))
+    lines = [line.rstrip() for line in capture.get().splitlines()]
+    return [line for line in lines if not line or line.strip("─ ")]
 
 
-def rows_of_two_cases(*, grouped: bool) -> list[list[str]]:
-    """Return the texts of each row of a table with two rows of a case and one of another."""
+@pytest.mark.parametrize(
+    ("grouped", "expected"),
+    [(True, ["a 1", "2", "", "b 3"]), (False, ["a 1", "a 2", "b 3"])],
+)
+def test_a_group_is_named_once_and_set_apart(grouped: bool, expected: list[str]) -> None:
     columns = [*words("case"), *numbers("value")]
-    rows = [("a", "1"), ("a", "2"), ("b", "3")]
-    lines = printed(table("", columns, rows, grouped=grouped))
-    return [line.split() for line in lines[2:]]
-
-
-def test_a_group_is_named_once() -> None:
-    rows = [row for row in rows_of_two_cases(grouped=True) if row]
-    assert rows == [["a", "1"], ["2"], ["b", "3"]]
-
-
-def test_a_group_is_set_apart() -> None:
-    has_texts = [bool(row) for row in rows_of_two_cases(grouped=True)]
-    assert has_texts == [True, True, False, True]
-
-
-def test_every_row_without_groups_is_named() -> None:
-    assert rows_of_two_cases(grouped=False) == [["a", "1"], ["a", "2"], ["b", "3"]]
+    _, *rows = lines_of("", columns, ("a", "1"), ("a", "2"), ("b", "3"), grouped=grouped)
+    assert [" ".join(row.split()) for row in rows] == expected
 
 
 def test_brackets_are_shown() -> None:
-    shown = table("[bold]t[/]", words("u [rad]"), [("[/] [red]x",)], legend="in [deg]")
-    lines = [line.strip() for line in printed(shown)]
-    texts = [line for line in lines if line.strip("─ ")]
-    assert texts == ["[bold]t[/]", "u [rad]", "[/] [red]x", "in [deg]"]
+    lines = lines_of("[bold]t[/]", words("u [rad]"), ("[/] [red]x",), legend="in [deg]")
+    assert [line.strip() for line in lines] == ["[bold]t[/]", "u [rad]", "[/] [red]x", "in [deg]"]
 
 
-def lines_of_a_long_text() -> list[str]:
-    """Return the lines of a table with a name, a text of many words and a number."""
+def test_a_long_text_fills_the_width_and_only_text_is_wrapped() -> None:
     columns = [*names("law"), *text("statement"), *numbers("value")]
     row = ("a_law_of_my_own_with_a_long_name", "of several words " * 12, "1.25e-3")
-    return printed(table("", columns, [row]))
+    lines = lines_of("", columns, row)
+    # The last cell ends with a space.
+    assert max(map(len, lines)) == tables.WIDTH - 1
+    assert "a_law_of_my_own_with" in lines[1]
+    assert lines[1].endswith(" 1.25e-3")
 
 
-def test_a_long_text_fills_the_width() -> None:
-    assert max(map(len, lines_of_a_long_text())) == tables.WIDTH
-
-
-def test_only_text_is_wrapped() -> None:
-    lines = lines_of_a_long_text()
-    assert "".join(lines).count("1.25e-3") == 1
-    assert "a_law_of_my_own_with" in lines[2]
-
-
-def markdown_lines() -> list[str]:
-    """Return a table with bars in its texts, in Markdown."""
+def test_markdown_aligns_numbers_right_and_escapes_bars() -> None:
     columns = [*words("law"), *numbers("max |u|"), *words("")]
-    rows = [("lqr", "1 N", "|s| > 0"), ("pid", "", "")]
-    return tables.table("", columns, rows).markdown()
-
-
-def test_markdown_aligns_numbers_right() -> None:
-    assert markdown_lines()[1] == "|---|---:|---|"
-
-
-def test_markdown_escapes_bars() -> None:
-    heading, _, *rows = markdown_lines()
-    assert heading == r"| law | max \|u\| |  |"
-    assert rows == [r"| lqr | 1 N | \|s\| > 0 |", "| pid |  |  |"]
+    shown = table("", columns, [("lqr", "1 N", "|s| > 0"), ("pid", "", "")])
+    assert shown.markdown() == [
+        r"| law | max \|u\| |  |",
+        "|---|---:|---|",
+        r"| lqr | 1 N | \|s\| > 0 |",
+        "| pid |  |  |",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -153,6 +128,8 @@ def test_markdown_escapes_bars() -> None:
         (0.0, "0"),
         (0.01234, "0.0123"),
         (12.345, "12.3"),
+        (999.4, "999"),
+        (999.6, "1000"),
         (9999.0, "9999"),
         (12345.0, "1.2e4"),
         (-1.23456e-7, "-1.2e-7"),
@@ -188,15 +165,16 @@ EIGHT = table(
     "",
     [*words("name"), *details(numbers("detail")), *numbers("size")],
     [(f"row {i}", "9", str(i)) for i in range(8)],
-    legend="The legend.",
+    legend="About the detail.",
 )
 
 
 @pytest.mark.parametrize(
     ("most", "shown", "legend"),
-    [(3, 3, "... and 5 more: --verbose has them"), (7, 7, "... and 1 more: --verbose has them")],
+    [(3, 3, "... and 5 more: --verbose has them"), (8, 8, "")],
 )
 def test_a_brief_table_says_how_many_rows_it_hides(most: int, shown: int, legend: str) -> None:
+    """Its own legend is about all columns, also those of details."""
     brief = EIGHT.brief(most)
     assert brief.legend == legend
     assert brief.rows == [[f"row {i}", str(i)] for i in range(shown)]
@@ -224,6 +202,14 @@ def test_a_formula_is_a_line_of_text() -> None:
 # Figures.
 
 
+SMALL_CHART = Chart([[Panel([])]], size=(1, 1))
+
+
+def test_a_figure_is_written_as_two_files(tmp_path: Path) -> None:
+    write_chart(SMALL_CHART, tmp_path / "a.png")
+    assert {file.name for file in tmp_path.iterdir()} == {"a.png", "a.svg"}
+
+
 def test_no_figure_is_written_if_one_of_its_files_cannot_be(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -236,17 +222,14 @@ def test_no_figure_is_written_if_one_of_its_files_cannot_be(
 
     monkeypatch.setattr(Figure, "savefig", save_on_a_full_disk)
     with pytest.raises(SetupError, match="No space left"):
-        write_chart(Chart([[Panel([])]], size=(1, 1)), tmp_path / "a.png")
+        write_chart(SMALL_CHART, tmp_path / "a.png")
     assert not list(tmp_path.iterdir())
 
 
-def test_a_legend_below_stays_within_its_figure(tmp_path: Path) -> None:
-    labels = [f"implicit, predicted, corrected equations {i}" for i in range(2)]
+def test_a_legend_below_stays_within_its_figure() -> None:
+    labels = ["implicit, predicted, corrected equations", "implicit, predicted, as printed"]
     curves = [Curve([0, 1], [0, 1], Stroke(INK), name=name) for name in [*labels, *"abcdefg"]]
-    chart = Chart([[Panel(curves)]], size=(7.2, 4.0))
-    write_chart(chart, tmp_path / "a.png")
-    assert {file.name for file in tmp_path.iterdir()} == {"a.png", "a.svg"}
-    figure = drawn(chart)
+    figure = drawn(Chart([[Panel(curves)]], size=(7.2, 4.0)))
     figure.draw_without_rendering()
     box = figure.legends[0].get_window_extent()
     assert figure.bbox.x0 <= box.x0 <= box.x1 <= figure.bbox.x1
@@ -259,13 +242,24 @@ TIME = np.linspace(0, 1, 1000)
     ("signal", "expected"),
     [
         (np.sign(np.sin(1e4 * TIME)), True),
-        (np.sin(6 * np.pi * TIME), False),
+        # The steps of a wave add up to four times its amplitude a period: to 22 and 18 ranges.
+        (np.sin(22 * np.pi * TIME), True),
+        (np.sin(18 * np.pi * TIME), False),
         (np.zeros(1), False),
     ],
-    ids=["switching", "wave", "single sample"],
+    ids=["switching", "quick wave", "wave", "single sample"],
 )
-def test_only_a_signal_that_switches_at_every_sample_jumps(signal: Array, expected: bool) -> None:
+def test_a_signal_jumps_if_its_steps_add_up_to_twenty_ranges(signal: Array, expected: bool) -> None:
     assert jumps(signal) == expected
+
+
+def test_the_envelope_of_a_switching_signal_is_its_range_and_mean() -> None:
+    """Two of three samples are at 5 and one is at -1; the mean is 3."""
+    signal = np.tile([5.0, 5.0, -1.0], 400)
+    drawn_as = envelope(np.arange(1200) / 100, signal, 40)
+    assert drawn_as.time == pytest.approx(0.145 + 0.3 * np.arange(40))
+    assert (set(drawn_as.least), set(drawn_as.largest)) == ({-1.0}, {5.0})
+    assert drawn_as.mean == pytest.approx(np.full(40, 3.0), abs=0.05)
 
 
 CELLS = CellChart.of("kept", {("law", "a"): (-1.0, "✓", ""), ("law", "b"): (2.0, "✗", "")}, 2.0)
@@ -283,8 +277,8 @@ def test_cells_of_a_figure_have_a_colour_for_kept_partly_and_failed() -> None:
 @pytest.mark.parametrize(("end", "colour"), [(0, KEPT), (-1, FAILED)])
 def test_cells_of_the_page_have_the_hues_of_a_figure(end: int, colour: str) -> None:
     (heat_map,) = page_figure(chart_of(CELLS)).data
-    hue = rgb_to_hsv(to_rgb(heat_map["colorscale"][end][1]))[0]
-    assert hue == pytest.approx(rgb_to_hsv(to_rgb(colour))[0], abs=0.02)
+    shown, expected = rgb_to_hsv([to_rgb(heat_map["colorscale"][end][1]), to_rgb(colour)])
+    assert shown[0] == pytest.approx(expected[0], abs=0.02)
 
 
 def lines(*curves: Series, **fields: Any) -> Chart:
@@ -312,24 +306,17 @@ def test_a_mark_at_zero_is_left_out_of_a_logarithmic_axis(first: float, marks: l
     assert [np.ravel(line.get_xdata())[0] for line in drawn(chart).axes[0].lines[1:]] == marks
 
 
-def scales(chart: Chart) -> tuple[tuple[str, str], tuple[str, str]]:
-    """Return the scales of both axes in a figure and on the page."""
-    axes = drawn(chart).axes[0]
-    layout = page_figure(chart).layout
-    return (axes.get_xscale(), axes.get_yscale()), (
-        layout["xaxis"]["type"],
-        layout["yaxis"]["type"],
-    )
-
-
 @pytest.mark.parametrize(
     ("y", "scale"),
-    [([1.0, 20.0], "log"), ([1.0, 9.0], "linear"), ([-90.0, 180.0], "linear")],
-    ids=["decades", "near", "a phase"],
+    [([1.0, 11.0], "log"), ([1.0, 9.0], "linear"), ([-90.0, 180.0], "linear")],
+    ids=["more than a decade", "less", "a phase"],
 )
 def test_a_figure_and_the_page_have_one_scale(y: list[float], scale: str) -> None:
     chart = lines(Series(name="J", x=[1.0, 2.0], y=y))
-    assert scales(chart) == (("linear", scale), ("linear", scale))
+    axes = drawn(chart).axes[0]
+    assert (axes.get_xscale(), axes.get_yscale()) == ("linear", scale)
+    layout = page_figure(chart).layout
+    assert (layout["xaxis"]["type"], layout["yaxis"]["type"]) == ("linear", scale)
 
 
 def test_words_along_an_axis_stand_in_their_order() -> None:
@@ -358,11 +345,5 @@ def test_an_axis_that_is_linear_about_zero_has_powers_of_ten_on_the_page() -> No
     low, high = figure.data[0]["y"]
     # It is asinh of the value over the linear part.
     assert (low, high) == (pytest.approx(-math.asinh(1)), pytest.approx(math.asinh(1e3)))
-    ticks = dict(
-        zip(
-            figure.layout["yaxis"]["ticktext"],
-            figure.layout["yaxis"]["tickvals"],
-            strict=True,
-        )
-    )
-    assert ticks["1"] == pytest.approx(high)
+    axis = figure.layout["yaxis"]
+    assert dict(zip(axis["ticktext"], axis["tickvals"], strict=True))["1"] == pytest.approx(high)

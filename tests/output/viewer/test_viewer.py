@@ -15,13 +15,14 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from commands import Patch, Screen, assert_one_line, run
+from commands import Patch, Screen, run
 from conftest import held
-from shipped import find_case, nominal_controller
 
 from grosmc_mj import cli
 from grosmc_mj.cli.commands.film import FilmCommand
 from grosmc_mj.cli.program import parse
+from grosmc_mj.experiments.catalogue import find_experiment
+from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.mechanics.machine import LuGre, Stop, Transmission
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.output import viewer
@@ -45,18 +46,17 @@ BUILT = (
 )
 
 
-def disturbed(**changes: Any) -> Run:
-    """The pendulum of case 1 under its disturbance, or with other arguments."""
-    case = find_case("cart_pendulum", "case1")
-    law = nominal_controller(
-        "cart_pendulum", "grosmc", "corrected", design=case.file.task.name or case.system
-    )
-    plant = MujocoPlant.load("cart_pendulum", edits=case.edits)
+PUSH = Disturbance("pole", (0, 0, 0, 0, 0.5, 0), Pulse(0.05, 0.35))
+
+
+def pendulum(**changes: Any) -> Run:
+    """The pendulum under LQR and a push, or with other arguments."""
+    case = find_experiment("cart_pendulum", "case1")
     run = {
-        "plant": plant,
-        "controller": law,
+        "plant": MujocoPlant.load("cart_pendulum", edits=case.edits),
+        "controller": case.law("physics", "lqr"),
         "x0": case.x0,
-        "disturbances": case.disturbances,
+        "disturbances": (PUSH,),
     }
     return run | changes
 
@@ -65,6 +65,15 @@ def machine() -> Run:
     """A machine of two inputs with flexible joints, a stop, a load and friction."""
     plant = MujocoPlant.load("two_link_arm", edits=BUILT)
     return {"plant": plant, "controller": held((1.0, -0.5)), "x0": [0.1, 0.2, 0.0, 0.0]}
+
+
+def sampled() -> Run:
+    """Samples every 5 ms under a disturbance of the input and one of a measured state."""
+    disturbances = (
+        InputDisturbance("force", 2.0, Pulse(0.05, 0.3)),
+        OutputDisturbance("pole angle", 0.01, Table((1.0, -1.0), 7e-3, periodic=True)),
+    )
+    return pendulum(control_period=5e-3, disturbances=disturbances)
 
 
 class FakeWindow:
@@ -129,27 +138,18 @@ def recorded(run: Run, window: FakeWindow) -> np.ndarray:
     return np.asarray(trajectory.physics)[rows, :columns]
 
 
-def disturbed_at_input_and_sensor() -> Run:
-    """Samples every 5 ms under a disturbance of the input and one of a measured state."""
-    disturbances = (
-        InputDisturbance("force", 2.0, Pulse(0.05, 0.3)),
-        OutputDisturbance("pole angle", 0.01, Table((1.0, -1.0), 7e-3, periodic=True)),
-    )
-    return disturbed(control_period=5e-3, disturbances=disturbances)
-
-
-@pytest.mark.parametrize(
-    "make",
-    [lambda: disturbed(control_period=5e-3), machine, disturbed_at_input_and_sensor],
-)
+@pytest.mark.parametrize("make", [pendulum, machine, sampled])
 def test_pictures_are_the_recorded_run_bit_by_bit(
     make: Callable[[], Run], watch: Callable[..., FakeWindow]
 ) -> None:
-    """However the time is cut into pictures."""
+    """However the time is cut into pictures, and whatever the window changes in its copies."""
     random = np.random.default_rng(0)
 
     def wait(window: FakeWindow) -> None:
         window.sleep(random.uniform(0.0, 0.05))
+        mujoco.mj_resetData(window.model, window.data)
+        window.model.opt.gravity[:] = 0.0
+        window.model.body_mass[:] *= 2.0
 
     window = watch(make(), 12, wait)
     np.testing.assert_array_equal(window.states, recorded(make(), window))
@@ -158,9 +158,7 @@ def test_pictures_are_the_recorded_run_bit_by_bit(
 def test_a_pull_of_the_mouse_is_a_disturbance_beside_the_case_s_own(
     watch: Callable[..., FakeWindow],
 ) -> None:
-    load = Disturbance("pole", (0, 0, 0, 0, 0.5, 0), Pulse(0.05, 0.35))
     pull = (1.0, 0.0, -0.5, 0.0, 2.0, 0.0)
-    with_load = disturbed(disturbances=(load,))
 
     def mouse(window: FakeWindow) -> None:
         """Pull the pole from the tenth to the twentieth picture, and the world, which is fixed."""
@@ -168,30 +166,14 @@ def test_a_pull_of_the_mouse_is_a_disturbance_beside_the_case_s_own(
         window.data.body("pole").xfrc_applied[:] = np.array(pull) * pulling
         window.data.body("world").xfrc_applied[:] = 1.0
 
-    window = watch(with_load, 30, mouse)
+    window = watch(pendulum(), 30, mouse)
     pulse = Pulse(window.states[9][0], window.states[19][0])
-    both = (load, Disturbance("pole", pull, pulse))
-    with_both = disturbed(disturbances=both)
-    np.testing.assert_array_equal(window.states, recorded(with_both, window))
-    # Without the pull the run is another one.
-    difference = window.states[-1] - recorded(with_load, window)[-1]
-    assert np.abs(difference).max() > 1e-3
-
-
-def test_a_window_that_changes_its_copies_changes_no_physics(
-    watch: Callable[..., FakeWindow],
-) -> None:
-    def meddle(window: FakeWindow) -> None:
-        mujoco.mj_resetData(window.model, window.data)
-        window.model.opt.gravity[:] = 0.0
-        window.model.body_mass[:] *= 2.0
-
-    states = watch(disturbed(), 30).states
-    np.testing.assert_array_equal(watch(disturbed(), 30, meddle).states, states)
+    both = pendulum(disturbances=(PUSH, Disturbance("pole", pull, pulse)))
+    np.testing.assert_array_equal(window.states, recorded(both, window))
 
 
 def test_the_run_keeps_step_with_the_clock(watch: Callable[..., FakeWindow]) -> None:
-    window = watch(disturbed(), 30, speed=4.0)
+    window = watch(pendulum(), 30, speed=4.0)
     time = window.states[-1][0]
     # 29 pictures after the first; the last timestep may not be over.
     behind = 29 * PICTURE * 4.0 - time
@@ -200,34 +182,35 @@ def test_the_run_keeps_step_with_the_clock(watch: Callable[..., FakeWindow]) -> 
 
 
 def test_a_window_that_stood_still_is_not_caught_up_with(watch: Callable[..., FakeWindow]) -> None:
-    window = watch(disturbed(), 2, lambda window: window.sleep(100.0))
+    window = watch(pendulum(), 2, lambda window: window.sleep(100.0))
     assert window.states[-1][0] == pytest.approx(LONGEST, abs=1.1e-3)
 
 
-def falling() -> Run:
+def test_an_undefined_law_is_named_and_the_last_state_stays(
+    watch: Callable[..., FakeWindow],
+) -> None:
     """From 80 degrees the pole falls below the horizontal under a steady force."""
     force = Disturbance("pole", (-64.0, 0, 0, 0, 0, 0), Pulse(0.0, 9.0))
-    return disturbed(x0=(0.0, -1.4, 0.0, 0.0), disturbances=(force,))
-
-
-def test_an_undefined_law_is_named(watch: Callable[..., FakeWindow]) -> None:
-    window = watch(falling(), 60, speed=8.0)
+    law = find_experiment("cart_pendulum", "case1").law("physics", "fl-lqr")
+    falling = pendulum(controller=law, x0=(0.0, -1.4, 0.0, 0.0), disturbances=(force,))
+    window = watch(falling, 60, speed=8.0)
     assert "the law is undefined" in window.texts[-1]["stopped"]
-
-
-def test_the_last_state_with_a_defined_law_stays(watch: Callable[..., FakeWindow]) -> None:
-    window = watch(falling(), 60, speed=8.0)
     assert window.states[-1][0] < 4.9
     assert np.all(np.isfinite(window.states))
     np.testing.assert_array_equal(window.states[-1], window.states[-2])
+
+
+@pytest.mark.parametrize("speed", [1 / 65, 65.0])
+def test_a_speed_beyond_64_times_is_refused(speed: float) -> None:
+    with pytest.raises(ArgumentError, match="must be from 1/64 to 64 times real time"):
+        play(**pendulum(), duration=1.0, speed=speed)
 
 
 def test_ctrl_c_closes_the_window(watch: Callable[..., FakeWindow]) -> None:
     def interrupt(_: FakeWindow) -> None:
         raise KeyboardInterrupt
 
-    window = watch(disturbed(), 30, interrupt)
-    assert len(window.states) == 1
+    assert len(watch(pendulum(), 30, interrupt).states) == 1
 
 
 def test_without_a_display_the_command_offers_the_film(capsys: Screen, monkeypatch: Patch) -> None:
@@ -235,15 +218,10 @@ def test_without_a_display_the_command_offers_the_film(capsys: Screen, monkeypat
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     assert run("view", "arm/case2", "--laws", "lqr") == cli.WRONG
-    line = capsys.readouterr().err
-    assert_one_line(line)
-    reason, remedy = line.strip().split("; for a film of it run: ")
+    reason, remedy = capsys.readouterr().err.strip().split("; for a film of it run: ")
     assert reason.startswith("grosmc-mj: there is no display")
     _, *arguments = remedy.split()
-    command = parse(arguments)
-    assert isinstance(command, FilmCommand)
-    assert command.target == "arm/case2"
-    assert command.laws == ("lqr",)
+    assert parse(arguments) == FilmCommand("arm/case2", laws=("lqr",))
 
 
 PROGRAM = """
