@@ -258,6 +258,8 @@ def unstable():
     return carried(0.5)
 def stable():
     return carried(-0.5)
+def slow():
+    return carried(0.004)
 def constant():
     return carried(0)
 def undershooting():
@@ -271,7 +273,7 @@ INTERNAL = (
 )
 
 
-def growing(folder: Path, plant: str = "unstable", law: str = "lqr") -> Path:
+def growing(folder: Path, plant: str = "unstable", law: str = "lqr", duration: str = "1 s") -> Path:
     """A case file on one of the plants."""
     (folder / "grows.py").write_text(GROWING, encoding="utf-8")
     Q = [1] if plant == "undershooting" else [1, 1]
@@ -279,7 +281,7 @@ def growing(folder: Path, plant: str = "unstable", law: str = "lqr") -> Path:
         folder,
         f"grows:{plant}",
         law=law,
-        run={"start": {"q": "0.1 rad"}, "duration": "1 s"},
+        run={"start": {"q": "0.1 rad"}, "duration": duration},
         task={"reference": ["0"], "Q": Q, "R": 1},
         actuator={"of": "u", "limit": "10 N"},
         requirement={"settles_within": "6 s"},
@@ -302,6 +304,15 @@ def test_what_grows_by_itself_stands_beside_the_verdict(
     """Whether it has begun to or not: z is zero at the start, and the requirement may be kept."""
     experiment = Experiment.load(growing(tmp_path, plant, law))
     assert [line for line in notes(experiment) if "grow" in line] == told
+
+
+@pytest.mark.parametrize(("duration", "told"), [("2 s", False), ("4 s", True)])
+def test_a_growth_by_less_than_a_hundredth_over_the_run_is_not_told(
+    tmp_path: Path, duration: str, told: bool
+) -> None:
+    """At 0.004 1/s it grows by 0.8 % and by 1.6 %."""
+    experiment = Experiment.load(growing(tmp_path, "slow", duration=duration))
+    assert any("z grows by itself" in line for line in notes_on(experiment, [])) is told
 
 
 def test_list_and_a_study_of_margins_tell_what_grows_by_itself(tmp_path, capsys: Screen) -> None:

@@ -65,6 +65,10 @@ def test_jumps_of_a_turn_are_noted_with_their_cure(tmp_path: Path) -> None:
     )
 
 
+def test_a_shaft_that_makes_a_turn_in_each_sample_does_not_jump(tmp_path: Path) -> None:
+    assert read(tmp_path, {}, 2 * np.pi * np.arange(400)).notes == []
+
+
 def test_a_window_is_used_and_others_are_masked(tmp_path: Path) -> None:
     table = {"use": ["1 s", "3 s"], "mask": [["1500 ms", "1.6 s"]]}
     log = read(tmp_path, table)
