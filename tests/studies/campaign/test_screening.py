@@ -1,13 +1,23 @@
 """Runs screened by equations: the verdicts are MuJoCo's, and few runs are made there."""
 
+from __future__ import annotations
+
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import campaign_cases as small
 import numpy as np
 import pytest
-from campaign_cases import FALL, LQR, bits, campaign, case, deviation_below, pair
+from campaigns import (
+    FALL,
+    bits,
+    campaign,
+    deviation_below,
+    falling_pendulum,
+    pair,
+    part,
+    uncertain,
+)
 from commands import Patch
 from numpy.typing import NDArray
 from scipy import stats
@@ -23,7 +33,6 @@ from grosmc_mj.studies.campaign.findings import (
     screening_sentences,
 )
 from grosmc_mj.studies.campaign.folder import Folder
-from grosmc_mj.studies.campaign.plant_file import find_plant
 from grosmc_mj.studies.campaign.screening import (
     EQUATIONS,
     PHYSICS,
@@ -39,35 +48,13 @@ from grosmc_mj.studies.sweep.confirmation import FACTOR, LEAST_BAND
 from grosmc_mj.studies.sweep.family import random_points
 from grosmc_mj.studies.sweep.runs import Outcomes
 
-# Pendulums, of which some leave the region where their law is defined.
-FALLEN = case(
-    "cart_pendulum",
-    FALL,
-    laws='[[controller]]\nlaw = "fl-lqr"\n',
-    limits=deviation_below("0.2 rad"),
-    duration=0.3,
-)
 LAW = "fl-lqr"
-IDS = range(512)
+IDS = range(256)
 
 
 @pytest.fixture(autouse=True)
 def _measured_anew() -> None:
     screening_of.cache_clear()
-
-
-@pytest.fixture
-def counts(monkeypatch: Patch) -> dict[str, int]:
-    """Runs that were made, by the kind of their plants."""
-    count = {"physics": 0, "corrected": 0}
-    simulate = runs_module.simulate
-
-    def counted(plants: Any, *arguments: Any, **options: Any) -> Any:
-        count[plants[0].kind] += len(plants)
-        return simulate(plants, *arguments, **options)
-
-    monkeypatch.setattr(runs_module, "simulate", counted)
-    return count
 
 
 def heavier(monkeypatch: Patch, factor: float) -> None:
@@ -80,8 +67,11 @@ def heavier(monkeypatch: Patch, factor: float) -> None:
     monkeypatch.setattr(Batch, "equations", property(equations))
 
 
+# Which runs MuJoCo confirms.
+
+
 class Fallen(NamedTuple):
-    """Screened runs of 512 pendulums, and the same runs in MuJoCo."""
+    """Screened runs of pendulums, and the same runs in MuJoCo."""
 
     rows: Outcomes
     exact: Outcomes
@@ -99,7 +89,7 @@ class Fallen(NamedTuple):
 @cache
 def fallen() -> Fallen:
     """Screen with a band and a worst sample that are between the margins."""
-    declared = campaign(FALLEN, runs=len(IDS))
+    declared = campaign(falling_pendulum("0.2 rad"), runs=len(IDS))
     (first,) = screened_all(declared, Screening({LAW: 0.0}), declared.laws, IDS)
     margins = first["screened"][np.isfinite(first["screened"])]
     band = float(np.quantile(np.abs(margins), 0.1))
@@ -141,73 +131,94 @@ def test_margins_of_confirmed_runs_are_mujoco_s() -> None:
     np.testing.assert_array_equal(rows["relative"][confirmed], exact["relative"][confirmed])
 
 
-MANY = range(20_000)
+@cache
+def drawn(seed: int) -> NDArray[np.bool_]:
+    """Which of many runs are drawn by chance."""
+    return drawn_by_chance(seed, range(5000))
 
 
-def test_a_run_is_drawn_by_its_own_number() -> None:
-    drawn = drawn_by_chance(7, MANY)
-    assert drawn[3000:3100].tolist() == drawn_by_chance(7, range(3000, 3100)).tolist()
-
-
-def test_a_run_is_drawn_by_the_seed() -> None:
-    assert drawn_by_chance(7, MANY).tolist() != drawn_by_chance(8, MANY).tolist()
+def test_a_run_is_drawn_by_its_own_number_and_the_seed() -> None:
+    assert drawn(7)[3000:3100].tolist() == drawn_by_chance(7, range(3000, 3100)).tolist()
+    assert drawn(7).tolist() != drawn(8).tolist()
 
 
 def test_one_run_in_fifty_is_drawn() -> None:
     # Within four standard deviations.
-    assert abs(drawn_by_chance(7, MANY).sum() - 400) < 4 * np.sqrt(400 * 0.98)
+    assert abs(drawn(7).sum() - 100) < 4 * np.sqrt(100 * 0.98)
+
+
+# How near to a limit equations are not believed.
 
 
 def test_the_band_is_ten_times_the_largest_difference_of_a_sample(monkeypatch: Patch) -> None:
     """Equations with a hair more inertia: the difference is measured here once more."""
     heavier(monkeypatch, 1.0005)
-    declared = campaign(pair(), runs=2048, seed=11)
+    declared = campaign(pair(), runs=2048, seed=11, controllers=("stiff",))
     screening = screening_of(declared)
     values = declared.family.values(random_points(2, 12, 0, SAMPLE))
     assert not np.isin(values, declared.values(range(2048))).any()
     batch = Batch(declared, values, range(SAMPLE))
-    for law in declared.laws:
-        by_equations = batch.run(law, plants=batch.equations)
-        by_physics = batch.run(law)
-        difference = float(np.abs(by_equations["relative"] - by_physics["relative"]).max())
-        assert difference > LEAST_BAND
-        assert screening.bands[law] == pytest.approx(10 * difference, rel=1e-12)
-        assert screening.worst[law] == by_physics["order"].min()
-
-
-STOP = """
-[[stop]]
-joint = "slider"
-low = "-1 m"
-high = "1 m"
-"""
-HEAVY = small.of("body", "pole", 'added_mass = ["0.1 kg", "0.2 kg"]')
-RUBS = small.of("joint", "hinge", "friction = [0, 0.01]")
+    by_equations = batch.run("stiff", plants=batch.equations)
+    by_physics = batch.run("stiff")
+    difference = float(np.abs(by_equations["relative"] - by_physics["relative"]).max())
+    assert difference > LEAST_BAND
+    assert screening.bands == {"stiff": pytest.approx(10 * difference, rel=1e-12)}
+    assert screening.worst == {"stiff": by_physics["order"].min()}
 
 
 @pytest.mark.parametrize(
-    ("tables", "changed", "why"),
+    ("numbers", "stops", "changed", "why"),
     [
-        (small.of("joint", "hinge", "damping = [0, 0.01]"), {}, "joint 'hinge' has damping"),
-        (RUBS, {"screen": "equations"}, "accelerations differ from MuJoCo's by"),
-        (HEAVY, {}, "is not that of a uniform rod"),
-        (FALL + STOP, {}, "equations lack the machine as built"),
-        (FALL, {"integrator": "implicitfast"}, "stepped by RK4, the model by implicitfast"),
+        ([uncertain("edit.hinge.damping", 0, 0.01)], [], {}, "joint 'hinge' has damping"),
+        (
+            [uncertain("edit.hinge.friction", 0, 0.01)],
+            [],
+            {"screen": "equations"},
+            "accelerations differ from MuJoCo's by",
+        ),
+        (
+            [uncertain("edit.pole.added_mass", "0.1 kg", "0.2 kg")],
+            [],
+            {},
+            "is not that of a uniform rod",
+        ),
+        (
+            FALL,
+            [{"joint": "slider", "low": "-1 m", "high": "1 m"}],
+            {},
+            "equations lack the machine as built",
+        ),
+        (FALL, [], {"integrator": "implicitfast"}, "stepped by RK4, the model by implicitfast"),
     ],
 )
 def test_equations_that_lack_something_do_not_screen(
-    tables: str, changed: dict[str, Any], why: str
+    numbers: Any, stops: list[dict[str, str]], changed: dict[str, Any], why: str
 ) -> None:
-    text = case("cart_pendulum", tables, laws=LQR, limits=deviation_below("0.2 rad"))
+    limits = deviation_below("0.2 rad")
+    text = part(*numbers, system="cart_pendulum", requirement=limits, stop=stops)
     options = {"runs": 512, "screen": "auto"} | changed
     screening = screening_of(campaign(text, **options))
     assert screening.bands == {}
     assert why in screening.why_not
 
 
+@pytest.mark.parametrize(
+    ("options", "bands"),
+    [
+        ({"runs": 16}, {}),
+        ({"runs": 2048, "screen": "none"}, {}),
+        ({"runs": 16, "screen": "equations"}, {"lqr": LEAST_BAND, "stiff": LEAST_BAND}),
+    ],
+)
+def test_few_runs_are_screened_only_if_that_is_wanted(
+    options: dict[str, Any], bands: dict[str, float]
+) -> None:
+    assert screening_of(campaign(pair(), **options)).bands == bands
+
+
+# A campaign that is screened.
+
 RUNS = 256
-
-
 NAMES = ["judged_by", "screened", "overturned", "drawn", "band", "relative", "order"]
 
 
@@ -217,10 +228,25 @@ def screened(shard: int = RUNS) -> Campaign:
 
 
 @pytest.fixture(scope="module")
-def screened_folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
+def counts() -> dict[str, int]:
+    """Runs that were made for the screened folder, by the kind of their plants."""
+    return {"physics": 0, "corrected": 0}
+
+
+@pytest.fixture(scope="module")
+def screened_folder(counts: dict[str, int], tmp_path_factory: pytest.TempPathFactory) -> Folder:
     """The folder of the screened servos in one part."""
+    simulate = runs_module.simulate
+
+    def counted(plants: Any, *arguments: Any, **options: Any) -> Any:
+        counts[plants[0].kind] += len(plants)
+        return simulate(plants, *arguments, **options)
+
+    screening_of.cache_clear()
     folder = Folder(tmp_path_factory.mktemp("screened") / "one")
-    run_campaign(screened(), folder.path)
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(runs_module, "simulate", counted)
+        run_campaign(screened(), folder.path)
     return folder
 
 
@@ -231,12 +257,10 @@ def confirmed_runs(folder: Folder) -> int:
 
 
 def test_a_screened_campaign_makes_few_runs_in_mujoco(
-    counts: dict[str, int], tmp_path: Path
+    counts: dict[str, int], screened_folder: Folder
 ) -> None:
     """Every run on the equations, and in MuJoCo as many as the rows say, and the sample's."""
-    folder = Folder(tmp_path / "one")
-    run_campaign(screened(), folder.path)
-    confirmed = confirmed_runs(folder)
+    confirmed = confirmed_runs(screened_folder)
     assert counts == {"corrected": 2 * (RUNS + SAMPLE), "physics": confirmed + 2 * SAMPLE}
     assert 0 < confirmed < 0.2 * 2 * RUNS
 
@@ -260,10 +284,10 @@ def test_the_same_runs_are_confirmed_whatever_the_parts(
 ) -> None:
     parts = Folder(tmp_path)
     run_campaign(screened(100), parts.path)
-    columns = screened_folder.columns(screened(), NAMES, [0])
-    for law, rows in parts.columns(screened(100), NAMES, range(3)).items():
-        for name, values in columns[law].items():
-            np.testing.assert_array_equal(rows[name], values)
+    np.testing.assert_equal(
+        parts.columns(screened(100), NAMES, range(3)),
+        screened_folder.columns(screened(), NAMES, [0]),
+    )
 
     # And when resumed.
     before = bits(parts)
@@ -272,27 +296,7 @@ def test_the_same_runs_are_confirmed_whatever_the_parts(
     assert bits(parts) == before
 
 
-@pytest.mark.parametrize(("judge", "kind"), [(EQUATIONS, "corrected"), (PHYSICS, "physics")])
-def test_the_case_file_of_a_plant_runs_on_its_judge(
-    judge: str, kind: str, screened_folder: Folder
-) -> None:
-    columns = screened_folder.columns(screened(), ["judged_by"], [0])
-    number = str(np.flatnonzero(columns["lqr"]["judged_by"] == judge)[0])
-    assert find_plant(screened(), screened_folder, number, "lqr").kind == kind
-
-
-@pytest.mark.parametrize(
-    ("options", "bands"),
-    [
-        ({"runs": 16}, {}),
-        ({"runs": 2048, "screen": "none"}, {}),
-        ({"runs": 16, "screen": "equations"}, {"lqr": LEAST_BAND, "stiff": LEAST_BAND}),
-    ],
-)
-def test_few_runs_are_screened_only_if_that_is_wanted(
-    options: dict[str, Any], bands: dict[str, float]
-) -> None:
-    assert screening_of(campaign(pair(), **options)).bands == bands
+# Summaries.
 
 
 def overturned_judges() -> ScreeningSummary:
@@ -324,20 +328,18 @@ def test_of_overturned_runs_the_first_sixteen_are_named() -> None:
     assert "MuJoCo overturned 20: 1, 3, 5, 7," in words
 
 
-def judges_of(drawn: int, overturned: int) -> ScreeningSummary:
-    """Judges of whose drawn runs some were overturned."""
-    return ScreeningSummary(1000, 500, overturned, [], 0.1, 0.0, drawn, overturned)
-
-
-@pytest.mark.parametrize(("drawn", "overturned"), [(41, 0), (41, 2)])
-def test_the_share_of_wrong_verdicts_is_bounded(drawn: int, overturned: int) -> None:
-    share = judges_of(drawn, overturned).wrong_at_most
+@pytest.mark.parametrize("overturned", [0, 2])
+def test_the_share_of_wrong_verdicts_is_bounded(overturned: int) -> None:
+    judges = ScreeningSummary(1000, 500, overturned, [], 0.1, 0.0, 41, overturned)
     # So few overturned are as unlikely as is allowed at the bound.
-    assert stats.binom.cdf(overturned, drawn, share) == pytest.approx(0.05, rel=1e-9)
+    tail = stats.binom.cdf(overturned, 41, judges.wrong_at_most)
+    assert tail == pytest.approx(0.05, rel=1e-9)
 
 
 def test_without_a_drawn_run_there_is_no_bound() -> None:
-    assert judges_of(0, 0).wrong_at_most == 1.0
+    judges = ScreeningSummary(1000, 500, 0, [], 0.1, 0.0, 0, 0)
+    assert judges.wrong_at_most == 1.0
+    assert "at random" not in screening_sentences({"lqr": judges})
 
 
 def test_a_search_widens_its_band_by_the_differences_that_it_confirms(monkeypatch: Patch) -> None:

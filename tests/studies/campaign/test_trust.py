@@ -1,28 +1,28 @@
 """A folder is data: Python is imported from beside a case file that the user names."""
 
+from __future__ import annotations
+
 import json
 import shutil
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
+import cases
+import mjcf
 import pytest
-from campaign_cases import (
-    DEVIATION,
-    INERTIA,
-    LOAD,
-    LQR,
+from campaigns import (
+    MASS,
     begun,
-    case,
+    deviation_below,
+    part,
     refusal,
-    run,
-    servo,
     specification,
+    uncertain,
 )
-from case_texts import LEG_MODEL
-from commands import Screen
+from commands import Screen, run
 
 from grosmc_mj import cli
 from grosmc_mj.experiments.file.reading import read_case_file
@@ -34,13 +34,6 @@ from grosmc_mj.studies.campaign.opening import open_campaign, read_campaign
 from grosmc_mj.studies.campaign.specification import Specification
 from grosmc_mj.studies.campaign.work import run_part
 
-BUMP = """
-[[disturbance]]
-body = "rotor"
-torque = ["0 N m", "1 N m", "0 N m"]
-label = "bump"
-profile = "canary_law:bump"
-"""
 # Modules beside the case file, of which the last leaves a trace when it is imported.
 FILES = {
     "canary_helper.py": "HEIGHT = {height}\n",
@@ -54,12 +47,17 @@ def bump(t):
 }
 # A run that is judged, whatever the verdict.
 RAN = (cli.DONE, cli.DIFFERS)
-TEXT = servo(BUMP + INERTIA, laws=LQR, limits=DEVIATION)
-LONGER = case(
-    "servo", BUMP + INERTIA, laws=LQR, disturbances=LOAD, limits=DEVIATION, duration=10.05
-)
+
+
+def bumped(**tables: Any) -> str:
+    """A servo under LQR, and a load by a profile in Python."""
+    load = {"body": "rotor", "torque": ["0 N m", "1 N m", "0 N m"], "label": "bump"}
+    bump = {**load, "profile": "canary_law:bump"}
+    return part(MASS, disturbance=bump, requirement=deviation_below("3 mrad"), **tables)
+
+
 # A case file that names no Python.
-PLAIN = servo(INERTIA, laws=LQR, limits=DEVIATION)
+PLAIN = part(MASS, requirement=deviation_below("3 mrad"))
 
 
 def forget() -> None:
@@ -82,7 +80,7 @@ def question(file: Path) -> Specification:
 def case_beside_python(folder: Path, height: float = 1.0) -> Path:
     """Write a case file and the Python that it names into a new folder."""
     folder.mkdir()
-    (folder / "small.toml").write_text(TEXT)
+    (folder / "small.toml").write_text(bumped())
     for name, content in FILES.items():
         text = content.format(trace=str(folder / "trace"), height=height)
         (folder / name).write_text(text)
@@ -122,6 +120,9 @@ def change_question(folder: Path, changed: dict[str, Any]) -> None:
     (folder / "manifest.json").write_text(json.dumps(manifest))
 
 
+# Reading a campaign, and files of its plants.
+
+
 def test_reading_a_campaign_imports_nothing(folder: Folder, file: Path) -> None:
     assert list(read_manifest(folder.path)["sources"]) == list(FILES)
     line = refusal(read_campaign, folder.path)
@@ -138,19 +139,19 @@ def test_a_plant_s_file_needs_the_case_file_beside_the_python(
     assert not was_imported(file)
 
 
-def test_a_plant_s_file_lies_beside_the_named_one(folder: Folder, file: Path) -> None:
-    assert run("campaign", folder.path, "--plant", "0", "--case-file", file) == cli.DONE
-    assert was_imported(file)
-    written = file.with_name("small_0_lqr.toml")
-    assert named_in(read_case_file(written)) == named_in(read_case_file(file))
-    assert not list(folder.path.rglob("*.toml"))
-
-
-def test_a_plant_s_file_lies_nowhere_else(folder: Folder, file: Path, capsys: Screen) -> None:
+def test_a_plant_s_file_lies_beside_the_named_one_and_nowhere_else(
+    folder: Folder, file: Path, capsys: Screen
+) -> None:
     plant = ("campaign", folder.path, "--plant", "0", "--case-file", file)
     assert run(*plant, "--out", folder.path) == cli.WRONG
     line = f"--out {folder.path}: with --case-file the new file lies beside that one"
     assert line in capsys.readouterr().err
+
+    assert run(*plant) == cli.DONE
+    assert was_imported(file)
+    written = file.with_name("small_0_lqr.toml")
+    assert named_in(read_case_file(written)) == named_in(read_case_file(file))
+    assert not list(folder.path.rglob("*.toml"))
 
 
 def test_python_in_a_campaign_s_folder_is_never_imported(folder: Folder, file: Path) -> None:
@@ -175,15 +176,11 @@ def test_a_file_in_a_campaign_s_folder_names_no_python(tmp_path: Path) -> None:
     assert not trap.exists()
 
 
-MINE = """
-[laws.mine]
-law = "canary_law:bump"
-"""
-
-
 def test_laws_that_only_a_campaign_chose_are_python_too(file: Path, tmp_path: Path) -> None:
     """A manifest may choose a law of [laws], which no [[controller]] of its file runs."""
-    file.write_text(PLAIN + MINE)
+    mine = {"mine": {"law": "canary_law:bump"}}
+    text = cases.text(controller={"law": "lqr"}, uncertain=MASS, laws=mine)
+    file.write_text(text)
     chosen = replace(question(file), controllers=("lqr", "mine"))
     declared = Campaign.of(replace(chosen, text=PLAIN, controllers=()))
     out = begun(declared, tmp_path / "chosen")
@@ -195,8 +192,8 @@ def test_laws_that_only_a_campaign_chose_are_python_too(file: Path, tmp_path: Pa
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"text": f'extends = "/etc/passwd"\n{TEXT}'}, "unknown key 'extends'"),
-        ({"text": f'extends = "small.toml"\n{TEXT}'}, "unknown key 'extends'"),
+        ({"text": f'extends = "/etc/passwd"\n{bumped()}'}, "unknown key 'extends'"),
+        ({"text": f'extends = "small.toml"\n{bumped()}'}, "unknown key 'extends'"),
         ({"name": "../../up"}, "must be a name for files"),
     ],
 )
@@ -206,6 +203,9 @@ def test_a_folder_names_no_file_to_read_or_place_to_write(
     """A manifest may say anything: its text may extend nothing, and its name be no path."""
     change_question(folder.path, changed)
     assert words in refusal(read_campaign, folder.path)
+
+
+# Other Python, another case file, another model.
 
 
 @pytest.fixture
@@ -227,20 +227,18 @@ def test_a_campaign_does_not_go_on_with_other_python(
     assert not was_imported(file)
 
 
-def test_a_campaign_is_not_read_with_other_python(changed_python: Folder, file: Path) -> None:
-    assert OTHER_PYTHON in refusal(read_campaign, changed_python.path, file)
-    assert not was_imported(file)
-
-
-def test_a_worker_does_not_run_other_python(changed_python: Folder, file: Path) -> None:
-    path = str(changed_python.path)
-    bound_to = read_manifest(changed_python.path)["hash"]
-    assert "other Python" in refusal(run_part, path, question(file), bound_to, 1)
+def test_a_campaign_is_not_read_and_a_worker_does_not_run_with_other_python(
+    changed_python: Folder, file: Path
+) -> None:
+    path = changed_python.path
+    assert OTHER_PYTHON in refusal(read_campaign, path, file)
+    bound_to = read_manifest(path)["hash"]
+    assert "other Python" in refusal(run_part, str(path), question(file), bound_to, 1)
     assert not was_imported(file)
 
 
 def test_another_case_file_is_refused(folder: Folder, file: Path) -> None:
-    file.write_text(LONGER)
+    file.write_text(bumped(run={"duration": "10 s"}))
     line = refusal(read_campaign, folder.path, file)
     assert f"{file} is not the case file of" in line
     assert "its content is another" in line
@@ -251,7 +249,7 @@ def test_a_worker_builds_its_own_campaign(folder: Folder, file: Path) -> None:
     """All of a folder may be another's, but where it is built."""
     declared = Campaign.of(specification(PLAIN, runs=2))
     other = begun(declared, folder.path / "other")
-    change_question(other.path, {"text": TEXT, "folder": str(file.parent)})
+    change_question(other.path, {"text": bumped(), "folder": str(file.parent)})
     bound_to = read_manifest(other.path)["hash"]
     run_part(str(other.path), declared.specification, bound_to, 0)
     assert other.part(0).exists()
@@ -259,54 +257,40 @@ def test_a_worker_builds_its_own_campaign(folder: Folder, file: Path) -> None:
     assert not was_imported(file)
 
 
-MODEL_CASE = """
-plant = { model = "leg.xml" }
-run = { duration = "0.02 s", start = { hip = "0.1 rad" } }
-task = { Q = [1, 1, 1, 1], R = 1 }
-[[controller]]
-law = "lqr"
-[[requirement]]
-input_below = "100 N m"
-[[uncertain]]
-number = "edit.thigh.mass_scale"
-values = [1, 2]
-"""
-
-
-class Moved(NamedTuple):
-    """A campaign whose case file and model have been moved."""
-
-    folder: Path
-    file: Path
-    model: Path
+def robot(mass: int) -> str:
+    """A model of one link."""
+    return mjcf.ONE.format(f' armature="{mass}"', '<motor name="drive" joint="hinge"/>')
 
 
 @pytest.fixture
-def moved(tmp_path: Path) -> Moved:
-    """A campaign on a robot, whose case file and model are in another folder now."""
-    original = tmp_path / "there"
-    original.mkdir()
-    (original / "leg.toml").write_text(MODEL_CASE)
-    (original / "leg.xml").write_text(LEG_MODEL)
-    folder = begun(Campaign.load(str(original / "leg.toml"), runs=1), tmp_path / "out").path
+def moved(tmp_path: Path) -> tuple[Path, Path]:
+    """The folder of a campaign on a robot, and its case file, which was moved with its model."""
+    there = tmp_path / "there"
+    there.mkdir()
+    (there / "one.xml").write_text(robot(1))
+    file = cases.write(
+        there,
+        "one.xml",
+        run={"start": {"hinge": "0.1 rad"}},
+        task={"Q": [1, 1], "R": 1},
+        requirement={"input_below": "100 N m"},
+        uncertain=uncertain("edit.link.mass_scale", 1, 2),
+    )
+    folder = begun(Campaign.load(str(file), runs=1), tmp_path / "out").path
     read_campaign(folder)
-    new = Path(shutil.move(original, tmp_path / "moved"))
-    return Moved(folder, new / "leg.toml", new / "leg.xml")
+    return folder, Path(shutil.move(there, tmp_path / "moved")) / file.name
 
 
-def test_a_model_is_read_from_where_it_was(moved: Moved) -> None:
-    assert "leg.xml" in refusal(read_campaign, moved.folder)
+def test_a_model_is_read_from_beside_the_case_file(moved: tuple[Path, Path]) -> None:
+    folder, file = moved
+    assert "one.xml" in refusal(read_campaign, folder)
+    read_campaign(folder, file)
 
 
-def test_a_model_is_read_from_beside_the_case_file(moved: Moved) -> None:
-    read_campaign(moved.folder, moved.file)
-
-
-def test_another_model_is_refused(moved: Moved) -> None:
-    head, tail = LEG_MODEL.split('mass="1"', maxsplit=1)
-    moved.model.write_text(f'{head}mass="2"{tail}')
-    line = refusal(read_campaign, moved.folder, moved.file)
-    assert "with something else: model: " in line
+def test_another_model_is_refused(moved: tuple[Path, Path]) -> None:
+    folder, file = moved
+    file.with_name("one.xml").write_text(robot(2))
+    assert "with something else: model: " in refusal(read_campaign, folder, file)
 
 
 def height_of_bump(folder: Path, height: float) -> float:
@@ -324,17 +308,6 @@ def test_modules_of_two_folders_do_not_mix_in_one_worker(tmp_path: Path) -> None
     assert height_of_bump(tmp_path, 3.0) == 3.0
 
 
-@pytest.fixture
-def modules(tmp_path: Path) -> Path:
-    """A folder of modules that import each other."""
-    (tmp_path / "a.py").write_text("import b, os\ndef f():\n    from c import d\n")
-    (tmp_path / "b.py").write_text("import a\n")
-    (tmp_path / "c").mkdir()
-    (tmp_path / "c" / "d.py").write_text("import numpy\nfrom .. import a\n")
-    (tmp_path / "broken.py").write_text("def\n")
-    return tmp_path
-
-
 @pytest.mark.parametrize(
     ("names", "files"),
     [
@@ -344,6 +317,11 @@ def modules(tmp_path: Path) -> Path:
     ],
 )
 def test_sources_follow_imports_as_python_would(
-    names: list[str], files: list[str], modules: Path
+    names: list[str], files: list[str], tmp_path: Path
 ) -> None:
-    assert list(sources(names, modules)) == files
+    (tmp_path / "a.py").write_text("import b, os\ndef f():\n    from c import d\n")
+    (tmp_path / "b.py").write_text("import a\n")
+    (tmp_path / "c").mkdir()
+    (tmp_path / "c" / "d.py").write_text("import numpy\nfrom .. import a\n")
+    (tmp_path / "broken.py").write_text("def\n")
+    assert list(sources(names, tmp_path)) == files

@@ -9,6 +9,7 @@ from grosmc_mj.studies.sweep.confirmation import (
     LEAST_BAND,
     Confirmation,
     MarginConfirmation,
+    confirmation_words,
     drawn_at_random,
 )
 
@@ -68,6 +69,15 @@ def test_the_share_of_wrong_verdicts_is_bounded_by_drawn_runs_alone(overturned: 
 
 def test_without_a_drawn_run_there_is_no_bound() -> None:
     assert Confirmation(IN_DOUBT, NONE).wrong_at_most == 1.0
+    words = confirmation_words(0, 0)
+    assert words == "none confirmed at random, so no bound on those by the equations"
+
+
+def test_words_on_drawn_runs_have_the_bound() -> None:
+    # 1 - 0.05^(1/41) of 41 runs without an overturned one.
+    assert confirmation_words(41, 0) == (
+        "of 41 confirmed at random, 0 overturned: at most 7 % of those by the equations at 95 %"
+    )
 
 
 def test_the_band_about_a_limit_is_widened_by_the_differences_that_are_found() -> None:
