@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from campaign_cases import LQR, deviation_below, pair, servo
+from campaigns import LQR, deviation_below, pair, servo
 from commands import Patch, Screen, assert_one_line, run
 from rich.console import Console
 

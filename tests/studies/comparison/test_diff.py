@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from campaign_cases import campaign, kept, pair
+from campaigns import campaign, kept, pair
 from commands import Screen, assert_one_line, run
 from page_documents import valued, write_document
 from scipy import stats
