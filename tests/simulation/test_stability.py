@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 import grosmc_mj as gm
 from grosmc_mj.ground.errors import DivergenceError
 from grosmc_mj.ground.units import number_in
-from grosmc_mj.simulation.stability import longest_timestep, written_timestep
+from grosmc_mj.simulation.stability import fastest_damped_pole, longest_timestep, written_timestep
 from grosmc_mj.theory.control.kinds.pid import Pid
 
 PERIOD = 1e-3
@@ -85,6 +85,21 @@ def test_a_run_with_too_long_a_timestep_names_one_that_works(pole: float) -> Non
     # The lag is gone after a few microseconds: x follows q' = 2 (1 - x) + the integral.
     slow = gm.simulate(*lag_under_pi(1e3), [0.0, 0.0], timestep=1e-4, **timing)
     assert run.state[-1, 1] == pytest.approx(slow.state[-1, 1], rel=5e-3)
+
+
+def test_the_fastest_damped_pole_is_none_that_grows() -> None:
+    """x1' = -3 x1, x2' = -40 x2, x3' = 50 x3."""
+    x1, x2, x3 = sp.symbols("x1 x2 x3")
+    plant = gm.affine_plant(
+        "modes",
+        states={"x1": "1", "x2": "1", "x3": "1"},
+        inputs={"u": "1"},
+        f=[-3 * x1, -40 * x2, 50 * x3],
+        g=[0, 0, 1],
+        h=[x3],
+        parameters={},
+    )
+    assert fastest_damped_pole(plant, np.zeros(3)) == pytest.approx(-40)
 
 
 def test_an_unstable_loop_on_a_slow_plant_is_not_put_down_to_its_poles() -> None:

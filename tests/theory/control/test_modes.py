@@ -33,10 +33,10 @@ def test_units_of_states_and_inputs_do_not_matter(units: tuple[float, ...]) -> N
     scale = np.diag(units)
     inverse = np.linalg.inv(scale)
     A = scale @ CARRIED @ inverse
-    (mode,) = unreached_modes(A, 1e-7 * scale @ FORCE, LEAST)
+    (mode,) = unreached_modes(A, 1e-12 * scale @ FORCE, LEAST)
     assert mode.states == (2,)
     assert mode.rate == pytest.approx(0.5)
-    assert unreached_modes(A, 1e-7 * scale @ (FORCE + 1), LEAST) == []
+    assert unreached_modes(A, 1e-12 * scale @ (FORCE + 1), LEAST) == []
 
 
 @pytest.mark.parametrize(
