@@ -334,13 +334,8 @@ WRONG = {
     "not " * 50 + "error < 1 rad": "nested more than 40 deep",
     "error < 1 rad" + " " * 1000: "has 1013 characters",
     "eventually[0 s, 20 s] error < 1 rad": "it asks for 20 s after an instant; the run has 18 s",
-    "": "has nothing where a quantity must be",
     "(error < 1 rad) < 2 rad": "has a formula where a quantity must be",
-    "error + (error < 1 rad) < 1 rad": "has a formula where a quantity must be",
-    "not error": "has no comparison",
     "error < 1e999 rad": "has a number that is not finite",
-    "error < 1 rad and abs(current) < 4 A / 0": "compares quantities of different units",
-    "(" * 300 + "error" + ")" * 300 + " < 1 rad": "nested more than 40 deep",
     "(" * 300 + "error < 1 rad" + ")" * 300: "nested more than 40 deep",
 }
 
