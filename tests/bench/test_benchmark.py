@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import os
 from collections.abc import Iterable
-from functools import cache
 from itertools import repeat
-from typing import NamedTuple
+from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
-from commands import Patch
+from commands import Patch, Screen
 
 import grosmc_mj as gm
 from benchmarks import switching, timing
 from benchmarks.batches import batch_at
-from benchmarks.growth import Growth, benchmark_growth
+from benchmarks.growth import benchmark_growth
 from benchmarks.loops import benchmark
 from benchmarks.machines import benchmark_machines
 from benchmarks.tables import tables_text, throughput_table
@@ -114,30 +111,16 @@ def test_every_machine_is_measured_beside_its_open_loop(monkeypatch: Patch) -> N
         assert closed.simulations == 3
 
 
-@cache
-def growth() -> list[Growth]:
-    """Costs of the servo and of the arm with two links."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("benchmarks.growth._RUNS", 3)
-        patch.setattr("benchmarks.growth._STEPS", 5)
-        patch.setattr("benchmarks.growth._CASES", ("servo/nominal", "two_link_arm/nominal"))
-        return benchmark_growth(rounds=1)
-
-
 @pytest.mark.slow
-def test_growth_has_the_number_of_states_of_each_case() -> None:
-    assert [row.states for row in growth()] == [2, 4]
-
-
-@pytest.mark.slow
-def test_growth_has_the_number_of_inputs_of_each_case() -> None:
-    assert [row.inputs for row in growth()] == [1, 2]
-
-
-@pytest.mark.slow
-def test_growth_measures_the_time_of_a_step() -> None:
-    servo, _ = growth()
-    assert servo.shipped_step > 0
+def test_growth_has_the_states_the_inputs_and_the_time_of_a_step_of_each_case(
+    monkeypatch: Patch,
+) -> None:
+    monkeypatch.setattr("benchmarks.growth._RUNS", 3)
+    monkeypatch.setattr("benchmarks.growth._STEPS", 5)
+    monkeypatch.setattr("benchmarks.growth._CASES", ("servo/nominal", "two_link_arm/nominal"))
+    rows = benchmark_growth(rounds=1)
+    assert [(row.states, row.inputs) for row in rows] == [(2, 1), (4, 2)]
+    assert all(row.shipped_step > 0 for row in rows)
 
 
 @pytest.mark.slow
@@ -156,55 +139,26 @@ def test_the_open_loop_of_a_machine_begins_as_its_closed_one() -> None:
     np.testing.assert_array_equal(batch.bind("qvel"), start[:, 4:7])
 
 
-class SwitchingRun(NamedTuple):
-    """Output of the switching benchmark: words of each printed line, and the files."""
-
-    rows: list[list[str]]
-    files: list[str]
-
-    def first_and_last(self, count: int) -> list[list[str]]:
-        """First words of each line, and its last one."""
-        return [[*row[:count], *row[-1:]] for row in self.rows]
-
-
-@pytest.fixture(scope="module")
-def switching_run(tmp_path_factory: pytest.TempPathFactory) -> SwitchingRun:
-    """A small run of the switching benchmark."""
-    folder = tmp_path_factory.mktemp("switching")
-    output = io.StringIO()
-    with Patch.context() as patch, contextlib.redirect_stdout(output):
-        patch.setattr(switching, "LAWS", ("implicit", "implicit-estimate"))
-        patch.setattr(switching, "SAMPLE_TIMES", (2e-3, 1e-3))
-        patch.setattr(switching, "GAIN_RATIOS", (1.0, 1.9, 2.1))
-        patch.setattr(switching, "CONTROL_PERIODS", (1e-3,))
-        patch.setattr(switching, "DRAWN", ("servo/nominal",))
-        patch.setattr(switching, "CASES", ("servo/nominal",))
-        switching.main([str(folder / "switching.png")])
-
-    rows = [line.split() for line in output.getvalue().splitlines()]
-    files = [path.name for path in folder.iterdir()]
-    return SwitchingRun(rows, files)
-
-
 @pytest.mark.slow
-def test_switching_laws_are_drawn_in_one_picture(switching_run: SwitchingRun) -> None:
-    assert switching_run.files == ["switching.png"]
+def test_the_benchmark_of_switching_laws_tells_their_order_and_cost(
+    tmp_path: Path, monkeypatch: Patch, capsys: Screen
+) -> None:
+    """The implicit law is of first order, the estimate of second; it diverges from r = 2 on."""
+    monkeypatch.setattr(switching, "LAWS", ("implicit", "implicit-estimate"))
+    monkeypatch.setattr(switching, "SAMPLE_TIMES", (2e-3, 1e-3))
+    monkeypatch.setattr(switching, "GAIN_RATIOS", (1.0, 1.9, 2.1))
+    monkeypatch.setattr(switching, "CONTROL_PERIODS", (1e-3,))
+    monkeypatch.setattr(switching, "DRAWN", ("servo/nominal",))
+    monkeypatch.setattr(switching, "CASES", ("servo/nominal",))
+    switching.main([str(tmp_path / "switching.png")])
 
-
-@pytest.mark.slow
-def test_the_implicit_law_is_of_first_order(switching_run: SwitchingRun) -> None:
-    assert ["implicit", "1.00"] in [row[:2] for row in switching_run.rows]
-
-
-@pytest.mark.slow
-def test_the_estimate_is_of_second_order(switching_run: SwitchingRun) -> None:
-    """It diverges from r = 2 on."""
-    assert ["implicit-estimate", "2.00", "2.10"] in switching_run.first_and_last(2)
-
-
-@pytest.mark.slow
-def test_nominally_the_implicit_law_costs_the_optimum(switching_run: SwitchingRun) -> None:
-    assert ["servo/nominal", "implicit", "1"] in switching_run.first_and_last(2)
+    assert [path.name for path in tmp_path.iterdir()] == ["switching.png"]
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert ["implicit", "1.00"] in [row[:2] for row in rows]
+    ends = [[*row[:2], *row[-1:]] for row in rows]
+    assert ["implicit-estimate", "2.00", "2.10"] in ends
+    # Nominally the implicit law costs the optimum.
+    assert ["servo/nominal", "implicit", "1"] in ends
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 from hostile_trial import Trial
 from mjcf import TREE
+from scipy.io import savemat
 
 from grosmc_mj.experiments.file.shipped import CASES, campaign_files, shipped_files
 
@@ -227,21 +228,6 @@ def test_mutated_case_files(hostile: Trial, tmp_path: Path) -> None:
             hostile.run(f"{name} {index} {kind}", "run", file, "--no-figures", "--out", out)
 
 
-CASE = """
-[plant]
-model = "robot.xml"
-[run]
-duration = "0.01 s"
-[task]
-Q = 10
-R = 1
-[[controller]]
-law = "lqr"
-[[controller]]
-law = "grosmc"
-k = 5
-epsilon = 2
-"""
 _ELEMENT = r"<(\w+)[^<>]*/>"
 _ELEMENTS = (
     "<freejoint/>",
@@ -281,8 +267,9 @@ def mutated_model(rng: random.Random) -> tuple[str, str]:
 
 def test_mutated_models(hostile: Trial, tmp_path: Path) -> None:
     rng = random.Random(4)
-    case = tmp_path / "case.toml"
-    case.write_text(CASE)
+    laws = [{"law": "lqr"}, {"law": "grosmc", "k": 5, "epsilon": 2}]
+    run = {"duration": "10 ms"}
+    case = cases.write(tmp_path, "robot.xml", run=run, task={"Q": 10, "R": 1}, controller=laws)
     for index in range(25 * TIMES):
         kind, changed = mutated_model(rng)
         (tmp_path / "robot.xml").write_text(changed, encoding="utf-8")
@@ -427,29 +414,28 @@ def write_bag(table: pa.Table, path: Path) -> None:
         writer.finish()
 
 
-BAG = """
-[log.columns."current"]
-column = "/servo.current [A]"
-[log.columns."rotor angle"]
-column = "/servo.rotor angle [rad]"
-"""
+BAG = {
+    "current": {"column": "/servo.current [A]"},
+    "rotor angle": {"column": "/servo.rotor angle [rad]"},
+}
 
 
 def log_files(folder: Path) -> dict[str, bytes]:
-    """A short log of the servo as CSV, Parquet and MCAP."""
+    """A short log of the servo as CSV, Parquet, MCAP and MATLAB."""
     text = (CASES / "logs" / "servo.csv").read_text(encoding="utf-8")
     short = folder / "short.csv"
     short.write_text("".join(text.splitlines(keepends=True)[:300]), encoding="utf-8")
     table = pyarrow.csv.read_csv(short)
     pq.write_table(table, folder / "short.parquet")
     write_bag(table, folder / "short.mcap")
+    arrays = zip(("time", "current", "rotor_angle"), table.columns, strict=True)
+    savemat(folder / "short.mat", {name: column.to_numpy() for name, column in arrays})
     return {path.suffix: path.read_bytes() for path in sorted(folder.glob("short.*"))}
 
 
 def test_mutated_logs(hostile: Trial, tmp_path: Path) -> None:
     rng = random.Random(6)
-    case = tmp_path / "bag.toml"
-    case.write_text((CASES / "logs" / "servo.toml").read_text(encoding="utf-8") + BAG)
+    case = cases.write(tmp_path, "logs/servo", name="bag", log={"columns": BAG})
     for suffix, content in log_files(tmp_path).items():
         file = tmp_path / f"log{suffix}"
         of = case if suffix == ".mcap" else "logs/servo"

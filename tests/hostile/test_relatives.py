@@ -11,16 +11,16 @@ import random
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import cases
 import mcap.writer
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet as pq
 import pytest
-import scipy.io
 from hostile_trial import Trial
-from mcap_ros2.writer import Writer
 
 from grosmc_mj import cli
 from grosmc_mj.experiments.file.shipped import CASES
@@ -31,27 +31,17 @@ pytestmark = [pytest.mark.slow, pytest.mark.apart]
 TIMES = int(os.environ.get("HOSTILE", "1"))
 
 # A step of the servo, as its log is judged.
-STEP = """
-[plant]
-system = "servo"
-compare = ["physics"]
-[run]
-duration = "3 s"
-[task]
-reference = ["1"]
-[[controller]]
-law = "pd"
-frequency = 6
-damping = 0.7
-[[requirement]]
-reaches_within = "1.5 s"
-band = "20 mrad"
-[[requirement]]
-overshoot_below = 0.08
-input_below = "4 A"
-[[requirement]]
-always = "abs(current) > 2 A implies eventually[0 s, 200 ms] abs(current) < 2 A"
-"""
+STEP: dict[str, Any] = {
+    "plant": {"compare": ["physics"]},
+    "run": {"duration": "3 s"},
+    "task": {"reference": ["1"]},
+    "controller": {"law": "pd", "frequency": 6, "damping": 0.7},
+    "requirement": [
+        {"reaches_within": "1.5 s", "band": "20 mrad"},
+        {"overshoot_below": 0.08, "input_below": "4 A"},
+        {"always": "abs(current) > 2 A implies eventually[0 s, 200 ms] abs(current) < 2 A"},
+    ],
+}
 HEADERS = ("time [s]", "current [A]", "rotor angle [rad]")
 Columns = dict[str, list[str]]
 
@@ -59,9 +49,7 @@ Columns = dict[str, list[str]]
 @pytest.fixture
 def step(tmp_path: Path) -> Path:
     """The case of a step."""
-    path = tmp_path / "step.toml"
-    path.write_text(STEP, encoding="utf-8")
-    return path
+    return cases.write(tmp_path, "servo", name="step", **STEP)
 
 
 def step_log() -> Columns:
@@ -248,15 +236,7 @@ def test_another_log_is_judged_or_refused(
 
 # Recorders.
 
-BAG = """
-extends = "step.toml"
-[run]
-duration = "2 s"
-[log.columns.current]
-column = "/u.value"
-[log.columns."rotor angle"]
-column = "/q.value"
-"""
+COLUMNS = {"current": {"column": "/u.value"}, "rotor angle": {"column": "/q.value"}}
 
 
 def write_topics(path: Path, rng: random.Random) -> None:
@@ -282,141 +262,15 @@ def test_topics_that_begin_late_or_end_early_are_judged_or_refused(
     hostile: Trial, step: Path, tmp_path: Path
 ) -> None:
     rng = random.Random(3)
-    case = step.with_name("bag.toml")
-    case.write_text(BAG, encoding="utf-8")
+    run = {"duration": "2 s"}
+    bag = {**STEP, "run": run, "log": {"columns": COLUMNS}}
+    case = cases.write(tmp_path, "servo", name="bag", **bag)
     log = tmp_path / "log.mcap"
     options = ("--no-figures", "--out", tmp_path / "out")
     for index in range(15 * TIMES):
         write_topics(log, rng)
         hostile.run(f"topics {index}", "run", case, "--log", log, *options)
     hostile.run("no columns", "run", step, "--log", log, *options)
-
-
-JOINT_STATE = """std_msgs/Header header
-string[] name
-float64[] position
-float64[] velocity
-float64[] effort
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-"""
-JOINTS = """
-extends = "step.toml"
-[log.columns.current]
-column = "/joint_states.effort[shaft]"
-[log.columns."rotor angle"]
-column = "/joint_states.position[shaft]"
-"""
-
-
-def write_joint_states(path: Path, rng: random.Random) -> None:
-    """Write a log of JointState messages, whose joints change their order."""
-    columns = step_log()
-    joints = ["shaft", *rng.sample(("gripper", "wheel", "lid"), rng.randint(0, 3))]
-    changes = rng.choice((0.0, 0.01, 0.5))
-    with path.open("wb") as file:
-        writer = Writer(file)
-        schema = writer.register_msgdef("sensor_msgs/msg/JointState", JOINT_STATE)
-        for row in zip(*columns.values(), strict=True):
-            if rng.random() < changes:
-                rng.shuffle(joints)
-            time, current, angle = (float(text) for text in row)
-            nanoseconds = 1_700_000_000_000_000_000 + round(1e9 * time)
-            seconds, rest = divmod(nanoseconds, 1_000_000_000)
-            message = {
-                "header": {"stamp": {"sec": seconds, "nanosec": rest}, "frame_id": ""},
-                "name": joints,
-                "position": [angle if joint == "shaft" else 0.02 for joint in joints],
-                "velocity": [0.0] * len(joints),
-                "effort": [current if joint == "shaft" else 7.0 for joint in joints],
-            }
-            writer.write_message("/joint_states", schema, message, nanoseconds, nanoseconds)
-        writer.finish()
-
-
-def test_the_order_of_joints_in_a_message_changes_no_verdict(
-    hostile: Trial, step: Path, tmp_path: Path
-) -> None:
-    rng = random.Random(4)
-    case = step.with_name("joints.toml")
-    case.write_text(JOINTS, encoding="utf-8")
-    options = ("--no-figures", "--out", tmp_path / "out")
-    shipped = CASES / "logs" / "servo_step.csv"
-    expected = hostile.run("as shipped", "run", step, "--log", shipped, *options)
-    log = tmp_path / "log.mcap"
-    for index in range(6 * TIMES):
-        write_joint_states(log, rng)
-        answer = hostile.run(f"joints {index}", "run", case, "--log", log, *options)
-        assert verdicts(answer.output) == verdicts(expected.output), index
-    hostile.run("no such joint", "run", step, "--log", log, *options)
-
-
-def test_damaged_files_of_matlab_are_read_or_refused(
-    hostile: Trial, step: Path, tmp_path: Path
-) -> None:
-    """A damaged file that ends the reader's process ends no command."""
-    rng = random.Random(5)
-    log = tmp_path / "log.mat"
-    numbers = {
-        name: np.array([float(text) for text in texts])
-        for name, texts in zip(("time", "current", "rotor_angle"), step_log().values(), strict=True)
-    }
-    scipy.io.savemat(log, numbers, do_compression=False)
-    sound = log.read_bytes()
-    options = ("--no-figures", "--out", tmp_path / "out")
-    hostile.run("sound", "run", step, "--log", log, *options)
-    for index in range(10 * TIMES):
-        damaged = bytearray(sound)
-        for _ in range(4):
-            # Tags of the elements stand at the beginning.
-            place = rng.choice((rng.randrange(128, 260), rng.randrange(len(damaged))))
-            damaged[place] = rng.randrange(256)
-        log.write_bytes(bytes(damaged))
-        hostile.run(f"mat {index}", "run", step, "--log", log, *options)
-    hostile.run("no log", "run", step, "--log", tmp_path / "nothing.mat", *options)
-
-
-@pytest.mark.parametrize("groups", [1, 20])
-def test_a_small_file_of_many_rows_is_refused(
-    groups: int, hostile: Trial, step: Path, tmp_path: Path
-) -> None:
-    """Constant columns are packed ten thousand times."""
-    rows = 10_000_000
-    constant = pa.array(np.zeros(rows)).dictionary_encode()
-    table = pa.table(dict.fromkeys(HEADERS, constant))
-    log = tmp_path / "log.parquet"
-    with pq.ParquetWriter(log, table.schema, compression="zstd") as writer:
-        for _ in range(groups):
-            writer.write_table(table)
-    assert log.stat().st_size < 4 << 20
-    hostile.run("packed", "run", step, "--log", log, "--no-figures", "--out", tmp_path / "out")
-    hostile.run("sound", "run", step, "--no-figures", "--out", tmp_path / "out")
-
-
-def test_what_is_no_regular_file_is_refused(hostile: Trial, step: Path, tmp_path: Path) -> None:
-    pipe = tmp_path / "pipe.csv"
-    os.mkfifo(pipe)
-    loop = tmp_path / "loop.csv"
-    loop.symlink_to(loop)
-    folder = tmp_path / "folder.csv"
-    folder.mkdir()
-    empty = tmp_path / "empty.csv"
-    empty.touch()
-    device = tmp_path / "device.csv"
-    device.symlink_to("/dev/zero")
-    broken = tmp_path / "broken.csv"
-    broken.write_bytes(log_text(step_log()).encode() + b"3.3,\xff\xfe,\xc3\n")
-    hostile.run("sound", "run", step, "--no-figures", "--out", tmp_path / "out")
-    for path in (pipe, loop, folder, empty, device, broken):
-        options = ("--no-figures", "--out", tmp_path / "out")
-        answer = hostile.run(path.stem, "run", step, "--log", path, *options)
-        assert answer.code == cli.WRONG, path.stem
 
 
 # Cases.
@@ -513,17 +367,11 @@ def test_bounds_of_a_disturbance_are_searched_or_refused(
 
 # Laws.
 
-CASE_OF_LAW = """
-[plant]
-system = "servo"
-compare = ["physics"]
-[run]
-duration = "0.05 s"
-[[controller]]
-law = "{}:law"
-[[requirement]]
-stays_within = "5 rad"
-"""
+BRIEF: dict[str, Any] = {
+    "plant": {"compare": ["physics"]},
+    "run": {"duration": "50 ms"},
+    "requirement": {"stays_within": "5 rad"},
+}
 # Names that C has as well.
 C_NAMES = ("main", "round", "NAN", "double", "register", "law", "signed", "asm", "y0", "errno")
 ATOMS = ("x[0]", "x[1]", "t", "0.0", "1.0", "-2.5", "1e308", 'float("nan")', "math.inf", "3")
@@ -584,8 +432,7 @@ def test_a_law_runs_or_is_refused(command: str, hostile: Trial, tmp_path: Path) 
     for index in range(12 * TIMES):
         source = tmp_path / f"law{index}.py"
         source.write_text(law_text(rng), encoding="utf-8")
-        case = tmp_path / "case.toml"
-        case.write_text(CASE_OF_LAW.format(source.stem), encoding="utf-8")
+        case = cases.write(tmp_path, "servo", law=f"{source.stem}:law", **BRIEF)
         hostile.run(f"{index}: {source.read_text()}", command, case, *options)
     hostile.run("no case", "run", tmp_path / "nothing.toml", *out)
 
@@ -685,21 +532,6 @@ DRIVES = (
     '<motor name="a2" joint="elbow" gear="20"/></actuator>'
 )
 RANGES = ("-2 2", "-120 120", "0 0", "1 -1", "-3.14 3.14", "0 1e308", "nan 1", "5")
-CASE_OF_ROBOT = """
-[plant]
-model = "arm.xml"
-joints = {joints}
-[run]
-duration = "0.05 s"
-[task]
-reference = {{ {reference} }}
-Q = 10
-R = 1
-[[controller]]
-law = "lqr"
-[[requirement]]
-settles_within = "0.04 s"
-"""
 
 
 def write_robot(folder: Path, rng: random.Random) -> Path:
@@ -709,11 +541,15 @@ def write_robot(folder: Path, rng: random.Random) -> Path:
     (folder / "arm.xml").write_text(model, encoding="utf-8")
     joints = [["shoulder", "elbow"], ["shoulder", "elbow"], ["elbow"], ["shoulder", "finger1"]]
     chosen = rng.choice(joints)
-    reference = ", ".join(f'{joint} = "{rng.choice((0.0, 0.01, 0.3, 90))}"' for joint in chosen)
-    case = folder / "arm.toml"
-    text = CASE_OF_ROBOT.format(joints=json.dumps(chosen), reference=reference)
-    case.write_text(text, encoding="utf-8")
-    return case
+    reference = {joint: str(rng.choice((0.0, 0.01, 0.3, 90))) for joint in chosen}
+    return cases.write(
+        folder,
+        "arm.xml",
+        plant={"joints": chosen},
+        run={"duration": "50 ms"},
+        task={"reference": reference, "Q": 10, "R": 1},
+        requirement={"settles_within": "40 ms"},
+    )
 
 
 def test_an_arm_with_a_gripper_is_judged_or_refused(hostile: Trial, tmp_path: Path) -> None:
@@ -738,21 +574,6 @@ def plant():
     g = [0, 1, {reach}]
     return gm.affine_plant("carried", states=units, inputs={{"u": "N"}}, f=f, g=g, h=[q])
 """
-CASE_OF_PLANT = """
-[plant]
-plant = "{}:plant"
-[run]
-start = {{ q = "0.1 rad", z = "0.01 rad" }}
-duration = "2 s"
-[task]
-reference = ["0"]
-Q = [1, 1]
-R = 1
-[[controller]]
-law = "lqr"
-[[requirement]]
-settles_within = "6 s"
-"""
 
 
 # Rates of growth [1/s], and how the state couples with the rest.
@@ -766,8 +587,13 @@ def test_a_state_that_grows_by_itself_is_named(
     """Neither the law of the output nor its requirement sees it."""
     source = tmp_path / f"plant{round(10 * growth + 50)}{coupling}{reach}.py"
     source.write_text(PLANT.format(growth=growth, coupling=coupling, reach=reach), encoding="utf-8")
-    case = tmp_path / "case.toml"
-    case.write_text(CASE_OF_PLANT.format(source.stem), encoding="utf-8")
+    case = cases.write(
+        tmp_path,
+        f"{source.stem}:plant",
+        run={"start": {"q": "0.1 rad", "z": "0.01 rad"}, "duration": "2 s"},
+        task={"reference": ["0"], "Q": [1, 1], "R": 1},
+        requirement={"settles_within": "6 s"},
+    )
     options = ("--no-figures", "--out", tmp_path / "out")
     answer = hostile.run(source.stem, "run", case, *options)
     if growth > 0 and answer.code != cli.WRONG:

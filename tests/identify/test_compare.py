@@ -38,7 +38,7 @@ from grosmc_mj.mechanics.machine import LuGre
 from grosmc_mj.mechanics.physics.edits import AddedMass
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import Constant, Disturbance, Pulse, SineFrom
-from grosmc_mj.simulation.loop import Computing, Loop, Sensor
+from grosmc_mj.simulation.loop import Actuator, Computing, Loop, Sensor
 from grosmc_mj.studies.sweep.family import family_of
 
 SERVO = MujocoPlant.load("servo")
@@ -165,6 +165,12 @@ def test_the_best_rung_is_that_with_the_least_error_at_the_longest_horizon(
     rows: list[PredictionError], best: str
 ) -> None:
     assert best_model(rows) == {"rotor angle": best}
+
+
+def test_inputs_are_as_late_as_the_computer_and_the_fastest_actuator() -> None:
+    actuators = (Actuator("left", delay=3e-3), Actuator("right", delay=5e-3))
+    loop = Loop(computing=Computing(delay=2e-3), actuators=actuators)
+    assert LogModel(SERVO, loop).delay == pytest.approx(5e-3)
 
 
 PROFILES: list[Any] = [

@@ -85,11 +85,19 @@ def log(machine: Experiment) -> Log:
     return log_of(machine)
 
 
-def found(machine: Experiment, log: Log) -> LawOnLog:
+def found(machine: Experiment, log: Log, limits: np.ndarray = FREE) -> LawOnLog:
     """The law of a machine beside a log."""
     applied = machine.applied_loop("physics", "lqr")
     assert applied is not None
-    return law_on_log(applied, log, np.array(machine.x0), FREE)
+    return law_on_log(applied, log, np.array(machine.x0), limits)
+
+
+def later(log: Log, rows: int) -> Log:
+    """A log whose commands stand some rows after the states that they were computed from."""
+    end = len(log.time) - rows
+    states = {name: values[:end] for name, values in log.states.items()}
+    inputs = np.vstack([np.zeros((rows, 1)), log.inputs[:end]])[:end]
+    return replace(log, time=log.time[:end], inputs=inputs, states=states, pieces=[slice(0, end)])
 
 
 # -- the log of a prediction ----------------------------------------------------------------------
@@ -123,12 +131,7 @@ def test_a_jump_from_rest_is_in_both_logs_or_in_none(machine: Experiment, rows: 
 def test_the_law_that_made_a_log_reproduces_its_commands(
     machine: Experiment, log: Log, rows: int
 ) -> None:
-    """Also where they stand some rows after the states that they were computed from."""
-    end = len(log.time) - rows
-    states = {name: values[:end] for name, values in log.states.items()}
-    late = np.vstack([np.zeros((rows, 1)), log.inputs[:end]])[:end]
-    shifted = replace(log, time=log.time[:end], inputs=late, states=states, pieces=[slice(0, end)])
-    finding = found(machine, shifted)
+    finding = found(machine, later(log, rows))
     assert finding.first is None
     assert finding.rows == rows
     assert finding.largest < 1e-12
@@ -143,8 +146,20 @@ def test_a_law_that_predicts_reproduces_its_commands_to_the_bit() -> None:
     assert (finding.rows, finding.largest) == (0, 0.0)
 
 
-def test_another_law_differs_from_its_first_command_on(machine: Experiment, log: Log) -> None:
-    finding = found(machine, replace(log, inputs=1.1 * log.inputs))
+def test_a_law_reproduces_commands_within_the_limits_of_its_inputs(
+    machine: Experiment, log: Log
+) -> None:
+    low, high = -0.1, 0.5
+    assert log.inputs.max() > high
+    limited = replace(log, inputs=np.clip(log.inputs, low, high))
+    assert found(machine, limited, np.array([[low], [high]])).first is None
+
+
+@pytest.mark.parametrize("rows", [0, 1])
+def test_another_law_differs_from_its_first_command_on(
+    machine: Experiment, log: Log, rows: int
+) -> None:
+    finding = found(machine, later(replace(log, inputs=1.1 * log.inputs), rows))
     assert finding.first == 0.0
     assert finding.logged == pytest.approx(1.1 * finding.asked)
 
