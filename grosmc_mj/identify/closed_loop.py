@@ -11,6 +11,7 @@ from grosmc_mj.experiments.file.reading import case_file_of
 from grosmc_mj.experiments.file.schema import CaseFile
 from grosmc_mj.experiments.file.user_code import named_in, sources
 from grosmc_mj.ground.errors import ArgumentError, placed
+from grosmc_mj.ground.wording import titled
 
 # What is taken over whole.
 _TAKEN = ("run", "task", "laws", "controller", "requirement")
@@ -101,7 +102,7 @@ def _refuse_python_elsewhere(file: CaseFile, loop: Experiment, path: Path) -> No
 def _signals(experiment: Experiment, kind: str) -> str:
     """Return names and units of the states or the inputs of a case, for people."""
     signals = getattr(experiment.nominal.system, kind)
-    return ", ".join(f"{signal.name} [{signal.unit}]" for signal in signals)
+    return ", ".join(titled(signal.name, signal.unit) for signal in signals)
 
 
 def with_closed_loop(content: Content, machine: Experiment, loop: Experiment) -> Content:
