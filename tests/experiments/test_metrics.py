@@ -168,13 +168,10 @@ def test_the_optimum_costs_its_own_optimum() -> None:
     assert metrics["cost_whole"].value == pytest.approx(optimum, rel=6e-3)
 
 
-def test_the_optimum_deviates_by_nothing() -> None:
-    assert measured(RUN)["deviation"].value == pytest.approx(0, abs=1e-12)
-
-
-def test_a_displaced_optimum_deviates_by_its_displacement() -> None:
-    deviation = measured(bumped(5000, 0.25))["deviation"]
-    assert deviation.value == pytest.approx(0.25, abs=1e-12)
+@pytest.mark.parametrize("displacement", [0.0, 0.25, -0.3])
+def test_a_displaced_optimum_deviates_by_its_displacement(displacement: float) -> None:
+    deviation = measured(bumped(5000, displacement))["deviation"]
+    assert deviation.value == pytest.approx(abs(displacement), abs=1e-12)
     assert deviation.unit == "rad"
 
 
@@ -269,15 +266,8 @@ def test_the_size_of_s_is_its_largest_entry() -> None:
     assert metrics["rms_sliding"].value == pytest.approx(rms)
 
 
-def test_the_total_variation_of_a_square_wave_is_the_sum_of_its_jumps() -> None:
-    """By 3 A between its 10 000 samples in 10 s."""
-    square = 1.5 * (-1.0) ** np.arange(10_000)
-    run = replace(SLIDING, command=square, input=square)
-    assert measured(run)["total_variation"].value == pytest.approx(3 * 9999 / 10)
-
-
-def test_the_total_variation_is_of_the_applied_input() -> None:
-    """A limit takes two thirds of what the law commands."""
+def test_the_total_variation_is_the_sum_of_the_jumps_of_the_applied_input() -> None:
+    """By 1 A between its 10 000 samples in 10 s; a limit takes two thirds of the command."""
     square = 1.5 * (-1.0) ** np.arange(10_000)
     run = replace(SLIDING, command=square, input=square / 3)
     assert measured(run)["total_variation"].value == pytest.approx(9999 / 10)
@@ -288,9 +278,7 @@ def test_an_internal_position_is_measured_by_its_largest_magnitude() -> None:
     result = run_case(case, "corrected", "lqr", Settings(engine="python"))
     cart = result.trajectory.state[:, 0]
     assert result.metrics["largest cart position"] == (np.abs(cart).max(), "m", "")
-
-
-def test_a_controlled_position_is_no_internal_one() -> None:
+    # A controlled position is no internal one.
     assert not any(name.startswith("largest") for name in measured(RUN))
 
 

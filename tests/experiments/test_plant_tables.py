@@ -77,6 +77,15 @@ def test_a_start_and_the_weighed_input_are_from_the_operating_point_on(tmp_path:
     assert trajectory.input[0] - v[0] == pytest.approx(point.u[0])
 
 
+def test_a_robot_is_held_at_its_operating_point_without_a_reference(tmp_path: Path) -> None:
+    (tmp_path / "leg.xml").write_text(LEG)
+    at = {"hip": "20 deg", "knee": "-30 deg"}
+    experiment = case("leg.xml", folder=tmp_path, plant={"at": at}, task={"Q": 1, "R": 1})
+    law = experiment.law("physics", "lqr")
+    reference = law.coordinates.reference(0.5, law.parameters.reference)
+    np.testing.assert_allclose(reference[::3], np.radians([20, -30]), rtol=1e-9)
+
+
 def test_a_law_believes_in_the_equations_of_the_design_and_the_plant_keeps_its_own() -> None:
     experiment = case(
         f"{BALL}:plant",

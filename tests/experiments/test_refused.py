@@ -133,7 +133,6 @@ RUNS = [
         {"run": {"start": {"joint angle": float("nan")}}},
         "run: start: joint angle: nan must be finite",
     ),
-    ({"edit": {"body": "link"}}, "edit 1: the edit changes nothing"),
     ({"edit": {"body": "lnk", "mass_scale": 2}}, "edit 1: unknown body 'lnk': did you mean 'link'"),
     ({"edit": {"body": "link", "damping": 2}}, "edit 1: a body has no damping; valid: mass_scale"),
     ({"edit": {"body": "link", "mass_scale": 2, "added_mass": "1 kg"}}, "write two [[edit]]"),
