@@ -55,6 +55,7 @@ NUMBERS = [
     (uncertain("disturbance.lod.scale", 1, 2), "did you mean 'load'?"),
     (uncertain("disturbance.load.phase", "0 rad", "1 rad"), "unknown number 'phase'"),
     (uncertain("edit.J.scale", 1, 2), "name a body or joint instead"),
+    (uncertain("task.R", 1, 2), "is of the laws or of what they must keep: a campaign varies"),
     (scale(1, 1), "uniform: least 1, most 1 is no distribution: least must be below most"),
     (distributed("normal", mean=1), "normal needs mean and deviation and may"),
     (distributed("normal", mean=1, deviation=0.1, least=50), "is no distribution"),

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from campaigns import BETWEEN_BOTH, BOTH, MASS, campaign, plain, uncertain
+from campaigns import AMPLITUDE, BETWEEN_BOTH, BOTH, MASS, campaign, plain, uncertain
 from scipy import stats
 
 from grosmc_mj.experiments.file.schema import DistributionTable
@@ -142,6 +142,16 @@ def test_nominal_values_are_those_of_the_file_and_no_disturbance() -> None:
     ]
     nominal = campaign(plain(*numbers, edit=edits)).family.nominal.tolist()
     assert nominal == [2.0, 0.0, 0.3, 0.02, 2 * math.pi, 0.0]
+
+
+def test_a_search_moves_over_all_of_a_range_and_up_to_a_tail_without_an_end() -> None:
+    heavier = {"distribution": "lognormal", "median": 2, "spread": 0.1, "least": 1.5}
+    speed = {"distribution": "normal", "mean": "0 rad/s", "deviation": "2 rad/s"}
+    unbounded = uncertain("run.start.rotor speed", speed)
+    numbers = [AMPLITUDE, uncertain("edit.rotor.mass_scale", heavier), unbounded]
+    low, high = campaign(plain(*numbers)).family.search_bounds
+    assert low.tolist() == [0.0, 0.0, 0.001]
+    assert high.tolist() == [1.0, 0.999, 0.999]
 
 
 def test_a_nominal_value_may_be_given() -> None:
