@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 import grosmc_mj as gm
+from benchmarks import logs
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.logs.log import Log
 from grosmc_mj.experiments.logs.read import read_log
@@ -19,6 +20,8 @@ LOGS = Path(gm.__file__).parent / "experiments/cases/logs"
 # Mass scale, damping [N m s/rad] and delay [s] of the servo behind servo.csv, which is machine 0
 # of benchmarks/coverage.py.
 TRUE = np.array([1.78768, 0.0273276, 6.45e-3])
+# Factor of the payload and damping [N m s/rad] of the arm behind arm.csv.
+ARM_TRUE = [logs.PAYLOAD / 0.02, logs.DAMPING]
 
 
 @cache
@@ -54,3 +57,8 @@ def fit_of(parameters: Any, values: Any, **others: Any) -> Fit:
         "finished": True,
     }
     return Fit(parameters=parameters, values=np.array(values, float), **(attributes | others))
+
+
+def fit_of_arm(parameters: Any, *_: Any, **__: Any) -> Fit:
+    """The fit of the arm, in place of a search."""
+    return fit_of(parameters, ARM_TRUE, scales={"joint angle": logs.NOISE})

@@ -2,113 +2,107 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
+from typing import Any
 
+import cases
 import numpy as np
 import pytest
 from commands import Patch, Screen, assert_one_line, run
+from identify_logs import ARM_TRUE, LOGS, fit_of_arm
 
-import grosmc_mj as gm
 from grosmc_mj import cli
 from grosmc_mj.experiments.experiment import Experiment
 
-LOGS = Path(gm.__file__).parent / "experiments/cases/logs"
-ARM = """
-[plant]
-system = "arm"
-[run]
-duration = "1 s"
-start = { "joint angle" = "0.1 rad" }
-[task]
-reference = ["0"]
-[[controller]]
-law = "pd"
-frequency = 1
-damping = 1
-[[disturbance]]
-input = "torque"
-amplitude = "0.3 N m"
-[[requirement]]
-input_below = "100 N m"
-[[requirement]]
-state = "joint rate"
-stays_within = "0.1 rad/s"
-"""
-
-
-def case(path: Path, text: str) -> Path:
-    path.parent.mkdir(exist_ok=True)
-    path.write_text(text, encoding="utf-8")
-    return path
+ARM: dict[str, Any] = {
+    "run": {"duration": "1 s", "start": {"joint angle": "0.1 rad"}},
+    "task": {"reference": ["0"]},
+    "controller": {"law": "pd", "frequency": 1, "damping": 1},
+    "disturbance": {"input": "torque", "amplitude": "0.3 N m"},
+    "requirement": [
+        {"input_below": "100 N m"},
+        {"state": "joint rate", "stays_within": "0.1 rad/s"},
+    ],
+}
 
 
 def test_an_identified_machine_runs_as_the_other_case_with_the_fitted_numbers(
-    tmp_path: Path, capsys: Screen
+    tmp_path: Path, monkeypatch: Patch, capsys: Screen
 ) -> None:
-    loop = case(tmp_path / "loop.toml", ARM)
+    monkeypatch.setattr("grosmc_mj.identify.fit.fit", fit_of_arm)
+    loop = cases.write(tmp_path, "arm", name="loop", **ARM)
     log = LOGS / "arm.csv"
     assert run("identify", log, "logs/arm", "--case", loop, "--out", tmp_path) == cli.DONE
-    written = tmp_path / "identify_logs_arm_arm.toml"
-    machine = Experiment.load(written)
+    machine = Experiment.load(tmp_path / "identify_logs_arm_arm.toml")
     fitted = {table.number: table.nominal for table in machine.file.uncertain}
     assert list(fitted) == ["edit.link.mass_scale", "edit.joint.damping"]
+    assert list(fitted.values()) == pytest.approx(ARM_TRUE)
+
     other = Experiment.load(loop).changed(fitted)
-    trajectories = [case.run("physics", "pd").trajectory for case in (machine, other)]
-    assert np.array_equal(trajectories[0].state, trajectories[1].state)
-
-    capsys.readouterr()
-    assert run("run", written, "--no-figures", "--out", tmp_path) == cli.DIFFERS
-    answer = capsys.readouterr().out
-    assert "1 of 2 requirements is not kept" in answer
-    assert "joint rate stays within 0.1 rad/s" in answer
+    runs = [experiment.run("physics", "pd") for experiment in (machine, other)]
+    assert np.array_equal(runs[0].trajectory.state, runs[1].trajectory.state)
+    kept = [judgement.kept for judgement in runs[0].requirements]
+    assert kept == [judgement.kept for judgement in runs[1].requirements] == [True, False]
 
 
-SERVO = """
-[plant]
-system = "servo"
-[run]
-duration = "1 s"
-[[controller]]
-law = "{law}"
-{more}
-"""
+LOOPS: dict[str, tuple[str, dict[str, Any], str]] = {
+    "other states": (
+        "arm",
+        ARM,
+        "has the states joint angle [rad], joint rate [rad/s], must have those of",
+    ),
+    "other computer": (
+        "servo",
+        {"computing": {"delay": "3 ms"}},
+        "which does not have these tables as this case has them: [computing]; write",
+    ),
+    "Python elsewhere": ("servo", {"law": "own:law"}, "own.py must be beside"),
+    "other law": (
+        "servo",
+        {"requirement": {"input_below": "3 A", "of": ["grosmc"]}},
+        "unknown controller 'grosmc'",
+    ),
+}
+
+
+def refused(folder: Path, loop: Path, capsys: Screen) -> str:
+    """The line by which a loop is refused for a servo."""
+    machine = cases.write(folder, "servo", name="machine")
+    fitted = ("--fit", "edit.shaft.damping")
+    assert run("identify", LOGS / "servo.csv", machine, "--case", loop, *fitted) == cli.WRONG
+    error = capsys.readouterr().err
+    assert_one_line(error)
+    return error
+
+
+@pytest.mark.parametrize(("base", "tables", "words"), LOOPS.values(), ids=LOOPS)
+def test_a_case_that_gives_no_closed_loop_is_refused_before_the_work(
+    base: str,
+    tables: dict[str, Any],
+    words: str,
+    tmp_path: Path,
+    monkeypatch: Patch,
+    capsys: Screen,
+) -> None:
+    monkeypatch.setattr("grosmc_mj.identify.replay.simulate", lambda *_, **__: pytest.fail("ran"))
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "own.py").write_text("def law(t, x, memory, p, u):\n    u[0] = 0.0\n")
+    loop = cases.write(other, base, name="loop", **tables)
+    assert words in refused(tmp_path, loop, capsys)
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         (None, "loop.toml: there is no such file"),
-        (ARM, "has the states joint angle [rad], joint rate [rad/s], must have those of"),
-        (SERVO.split("[[controller]]")[0], "there is no [[controller]]"),
-        (
-            SERVO.format(law="lqr", more='[computing]\ndelay = "3 ms"'),
-            "which does not have these tables as this case has them: [computing]; write",
-        ),
-        (
-            SERVO.format(law="own:law", more=""),
-            "own.py must be beside",
-        ),
-        (
-            SERVO.format(law="lqr", more='[[requirement]]\ninput_below = "3 A"\nof = ["grosmc"]'),
-            "unknown controller 'grosmc'",
-        ),
+        ('plant = { system = "servo" }\nrun = { duration = "1 s" }', "there is no [[controller]]"),
     ],
-    ids=["missing", "other states", "no law", "other computer", "Python elsewhere", "other law"],
 )
-def test_a_case_that_gives_no_closed_loop_is_refused_before_the_work(
-    text: str | None, words: str, tmp_path: Path, monkeypatch: Patch, capsys: Screen
+def test_a_loop_without_a_file_or_a_law_is_one_line(
+    text: str | None, words: str, tmp_path: Path, capsys: Screen
 ) -> None:
-    monkeypatch.setattr("grosmc_mj.identify.replay.simulate", lambda *_, **__: pytest.fail("ran"))
-    shutil.copy(LOGS / "servo.csv", tmp_path)
-    machine = case(tmp_path / "machine.toml", SERVO.format(law="lqr", more=""))
-    loop = tmp_path / "other" / "loop.toml"
+    loop = tmp_path / "loop.toml"
     if text is not None:
-        case(loop, text)
-        loop.with_name("own.py").write_text("def law(t, x, memory, p, u):\n    u[0] = 0.0\n")
-    log = tmp_path / "servo.csv"
-    fitted = ("--fit", "edit.shaft.damping")
-    assert run("identify", log, machine, "--case", loop, *fitted) == cli.WRONG
-    error = capsys.readouterr().err
-    assert words in error
-    assert_one_line(error)
+        loop.write_text(text, encoding="utf-8")
+    assert words in refused(tmp_path, loop, capsys)

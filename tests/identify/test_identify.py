@@ -16,7 +16,16 @@ import cases
 import numpy as np
 import pytest
 from commands import Patch, Screen, assert_one_line, run
-from identify_logs import LOGS, TRUE, fit_of, servo_log, to_identify, windows
+from identify_logs import (
+    ARM_TRUE,
+    LOGS,
+    TRUE,
+    fit_of,
+    fit_of_arm,
+    servo_log,
+    to_identify,
+    windows,
+)
 
 from benchmarks import coverage
 from benchmarks import logs as logs_made
@@ -40,9 +49,6 @@ from grosmc_mj.studies.campaign.specification import specification_of
 from grosmc_mj.studies.sweep.family import Family
 
 ARM_LOG = LOGS / "arm.csv"
-# The parameters of the arm's case, see benchmarks/logs.py; the chapter's payload is 0.02 kg.
-PAYLOAD_SCALE = logs_made.PAYLOAD / 0.02
-ARM_TRUE = [PAYLOAD_SCALE, logs_made.DAMPING]
 
 
 @pytest.fixture(scope="module")
@@ -409,15 +415,10 @@ def test_identify_writes_the_numbers_of_the_arm_a_figure_and_a_case(
     folder = tmp_path / "renders"
     document = json.loads((folder / "identification_logs_arm_arm.json").read_text())
     payload, damping = (row["value"] for row in document["parameters"])
-    assert payload == pytest.approx(PAYLOAD_SCALE, rel=2e-3)
+    assert payload == pytest.approx(ARM_TRUE[0], rel=2e-3)
     assert damping == pytest.approx(logs_made.DAMPING, rel=0.02)
     assert (folder / "identification_logs_arm_arm.png").is_file()
     assert Experiment.load(folder / "identify_logs_arm_arm.toml").plant_names == ["physics"]
-
-
-def fit_of_arm(parameters: Any, *_: Any, **__: Any) -> Fit:
-    """The fit of the arm, without a search."""
-    return fit_of(parameters, ARM_TRUE, scales={"joint angle": logs_made.NOISE})
 
 
 def test_a_full_disk_loses_no_fit(tmp_path: Path, capsys: Screen, monkeypatch: Patch) -> None:
@@ -436,7 +437,7 @@ def test_a_full_disk_loses_no_fit(tmp_path: Path, capsys: Screen, monkeypatch: P
 
     _, mark, text = printed.out.partition("# Written by grosmc-mj identify")
     payload = tomllib.loads(mark + text)["uncertain"][0]
-    assert payload["nominal"] == pytest.approx(PAYLOAD_SCALE)
+    assert payload["nominal"] == pytest.approx(ARM_TRUE[0])
 
 
 def test_ctrl_c_keeps_the_best_so_far(tmp_path: Path, capsys: Screen, monkeypatch: Patch) -> None:
@@ -454,7 +455,7 @@ def test_ctrl_c_keeps_the_best_so_far(tmp_path: Path, capsys: Screen, monkeypatc
     assert run("identify", ARM_LOG, "logs/arm", *options) == cli.INTERRUPTED
     assert "interrupted: values are the best so far" in capsys.readouterr().out
     document = json.loads((tmp_path / "identification_logs_arm_arm.json").read_text())
-    assert document["parameters"][0]["value"] == pytest.approx(PAYLOAD_SCALE, rel=0.1)
+    assert document["parameters"][0]["value"] == pytest.approx(ARM_TRUE[0], rel=0.1)
     assert Experiment.load(tmp_path / "identify_logs_arm_arm.toml").plant_names == ["physics"]
 
 
