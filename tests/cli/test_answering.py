@@ -39,14 +39,6 @@ class Count(Question):
         return result("count", {}, complete=complete, answers=[answer])
 
 
-def wrong(capsys: Screen, *arguments: object) -> str:
-    """The one line of a command that is refused."""
-    assert run(*arguments) == cli.WRONG
-    error = capsys.readouterr().err
-    assert_one_line(error)
-    return error
-
-
 @dataclass(frozen=True)
 class CountCommand(AnsweringCommand):
     """Command of some counts."""
@@ -95,24 +87,21 @@ def test_every_place_is_tried_before_the_first_measurement(tmp_path: Path) -> No
     assert not first.finished
 
 
-def test_a_comparison_that_cannot_be_written_is_refused_before_it_is_made(
-    tmp_path: Path, capsys: Screen, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("command", "document"),
+    [("diff . .", "diff.json"), ("campaign servo --runs 8 --radius", "radius.json")],
+)
+def test_results_that_cannot_be_written_are_refused_before_they_are_made(
+    command: str, document: str, tmp_path: Path, capsys: Screen, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def compared(*_: object) -> None:
-        raise AssertionError
-
-    monkeypatch.setattr("grosmc_mj.studies.comparison.comparison.compare", compared)
-    (tmp_path / "diff.json").mkdir()
-    assert "diff.json" in wrong(capsys, "diff", tmp_path, tmp_path, "--out", tmp_path)
-
-
-def test_a_campaign_whose_results_cannot_be_written_is_refused_before_its_runs(
-    tmp_path: Path, capsys: Screen
-) -> None:
-    (tmp_path / "radius.json").mkdir()
-    options = ("--runs", "8", "--radius", "--out", tmp_path)
-    assert "radius.json" in wrong(capsys, "campaign", "servo", *options)
-    assert [path.name for path in tmp_path.iterdir()] == ["radius.json"]
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("grosmc_mj.studies.comparison.comparison.compare", pytest.fail)
+    (tmp_path / document).mkdir()
+    assert run(*command.split(), "--out", ".") == cli.WRONG
+    error = capsys.readouterr().err
+    assert_one_line(error)
+    assert document in error
+    assert [path.name for path in tmp_path.iterdir()] == [document]
 
 
 def test_a_part_of_the_work_is_open_but_for_what_is_not_kept() -> None:
@@ -147,13 +136,3 @@ def test_a_part_of_the_sweeps_is_kept_but_never_recorded(
     assert run("claims", "sweep", *options, "--out", tmp_path) == cli.INTERRUPTED
     assert not recorded.exists()
     assert (tmp_path / "sweeps.json").exists() is not record
-
-
-def test_an_exit_code_tells_an_interrupt_from_a_verdict(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def stopped(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("grosmc_mj.studies.comparison.comparison.compare", stopped)
-    assert run("diff", tmp_path, tmp_path, "--out", tmp_path) == cli.INTERRUPTED
