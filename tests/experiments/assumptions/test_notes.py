@@ -110,6 +110,26 @@ def test_an_input_cannot_exceed_the_limit_of_its_actuator(plant, limit, told) ->
     assert notes(experiment) == [AT_LIMIT.format(limit)] * told
 
 
+@pytest.mark.parametrize(("shoulder", "told"), [({"bandwidth": "500 rad/s"}, True), ({}, False)])
+def test_an_input_of_several_motors_may_fail_if_one_gives_more_than_is_asked(
+    shoulder: dict[str, Any], told: bool
+) -> None:
+    """One without a loop of its current, which its back-EMF brakes."""
+    inputs = {"shoulder torque": shoulder, "elbow torque": {"bandwidth": "500 rad/s"}}
+    winding = {"constant": "8 mN m/A", "resistance": "2 ohm", "ratio": 100}
+    experiment = case(
+        "two_link_arm",
+        plant={"compare": ["physics"]},
+        run={"start": {"elbow angle": "1 rad"}, "duration": "5 ms", "engine": "python"},
+        actuator=[{"of": of, "limit": "4 N m"} for of in inputs],
+        motor=[{"input": of} | winding | more for of, more in inputs.items()],
+        requirement={"input_below": "5 N m"},
+    )
+    assert (
+        any(line.startswith("cannot fail: input below 5 N m") for line in notes(experiment)) == told
+    )
+
+
 def test_an_input_without_limit_may_fail() -> None:
     assert notes(servo(requirement={"input_below": "1 MA"})) == []
 
