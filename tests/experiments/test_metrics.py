@@ -16,7 +16,7 @@ from grosmc_mj.experiments.catalogue import chapter_controller, find_experiment
 from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.experiments.requirements import KINDS
 from grosmc_mj.experiments.requirements.accumulator import Rows, replay
-from grosmc_mj.experiments.requirements.judging import judge_run
+from grosmc_mj.experiments.requirements.judging import judge_run, unfailing_line
 from grosmc_mj.experiments.requirements.measurement import Measurement
 from grosmc_mj.experiments.requirements.metrics import Metric
 from grosmc_mj.experiments.requirements.optimum import Comparison, compare_with_optimum
@@ -320,6 +320,12 @@ def test_a_limit_is_of_its_own_metric(kind, metric, factor, kept) -> None:
     assert judgement.measured == value
     assert judgement.kept == kept
     assert judgement.margin == allowed - value
+
+
+@pytest.mark.parametrize(("reasons", "lines"), [(["a", "a"], 1), (["a", ""], 0), ([], 0)])
+def test_a_requirement_that_one_of_its_runs_could_fail_is_not_told(reasons, lines) -> None:
+    requirement = limit("input_below", 4.0, written="4 A")
+    assert len(unfailing_line(requirement, reasons)) == lines
 
 
 def test_an_optimum_settles_as_a_run_along_it_does() -> None:

@@ -150,6 +150,12 @@ def test_a_limit_about_a_reference_begins_where_it_holds(circle_runs: list[RunRe
         np.testing.assert_allclose(line, panel.reference[since] + side * 0.003)
 
 
+def test_a_limit_of_a_distance_is_one_to_one_side(circle_runs: list[RunResult]) -> None:
+    panel = panel_of(circle_runs, "deviation")
+    ((_, line),) = levels_of(StaysWithin(number=0.003, unit="m"), panel)
+    assert set(np.ravel(line)) == {0.003}
+
+
 # States as a law sees them
 
 
