@@ -50,6 +50,8 @@ RUN = _document(
             share=1.5,
         ),
         Standing(case="servo/case1", law="grosmc", words="stays within 2: 1 rad", share=0.5),
+        Standing(case="servo/case2", law="lqr", words="input below 4 A: 1 A", share=0.25),
+        Standing(case="servo/case2", law="grosmc", words="input below 4 A: 3 A", share=0.75),
     ],
     sheets=[
         ReportTable(

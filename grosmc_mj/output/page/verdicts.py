@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from grosmc_mj.ground.wording import quantity_and_unit, unit_after
+from grosmc_mj.ground.wording import plural, quantity_and_unit, unit_after
 from grosmc_mj.output.page.reading import CurvePanel, Curves, Document
 from grosmc_mj.output.results.result import VERDICTS, Answer, Result, Standing
 from grosmc_mj.output.results.tables import Column, Table, number, phrases, table, verdicts
@@ -250,7 +250,8 @@ def _sentence(panel: CurvePanel, verdicts_of: Mapping[str, Standing]) -> str:
         worst = max(broken, key=lambda law: _severity(verdicts_of[law]))
         words = f"{worst} breaks a requirement ({verdicts_of[worst].words})"
         if len(broken) > 1:
-            words += f", and so do {len(broken) - 1} more"
+            more = len(broken) - 1
+            words += f", and so {plural(more, 'does', 'do')} {more} more"
         return f"{words}; {_laws_words(kept)} keeps everything."
 
     sizes = largest_values(panel)

@@ -356,6 +356,37 @@ def test_the_ghost_has_the_joints_that_nothing_controls_where_the_run_has_them()
     np.testing.assert_array_equal(scene.ghost, expected)
 
 
+@pytest.mark.parametrize(
+    ("system", "case", "law", "state"),
+    [("cart_pendulum", "nominal", "lqr", 0), ("servo", "nominal", "lqr", 1)],
+)
+def test_without_a_law_with_a_surface_a_state_that_is_not_controlled_stands_in_its_place(
+    system: str, case: str, law: str, state: int
+) -> None:
+    """The position of the cart, and the speed of the servo."""
+    assert film_of([result(system, case, law)]).beside == state
+
+
+def test_a_law_with_a_surface_shows_it() -> None:
+    """Beside a law without one."""
+    runs = [result("servo", "nominal", law) for law in ("lqr", "grosmc")]
+    shown = film_of(runs)
+    assert shown.beside is None
+    assert [take.sliding_unit for take in shown.takes] == ["", "A s"]
+
+
+def test_a_take_says_when_its_run_ended_and_why() -> None:
+    run = result("servo", "nominal")
+    ended = replace(
+        run.trajectory,
+        status=np.array([Status.DIVERGED], object)[0],
+        valid_until=np.array(0.0123),
+    )
+    (take,) = film_of([replace(run, trajectory=ended)]).takes
+    assert take.ended == "diverged at 0.01 s"
+    assert film_of([run]).takes[0].ended == ""
+
+
 # Curves
 
 

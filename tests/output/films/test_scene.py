@@ -169,6 +169,17 @@ def test_the_camera_moves_no_more_than_it_must(beyond: float, moved: bool) -> No
     assert placement(model).any() == moved
 
 
+@pytest.mark.parametrize(("filled", "moved"), [(0.26, False), (0.24, True)])
+def test_the_camera_comes_nearer_to_bodies_that_fill_less_than_a_quarter(
+    filled: float, moved: bool
+) -> None:
+    """A quarter of the part that bodies may fill; the near sides of the cubes are 3.9 m away."""
+    edge = ASPECT * FILLED * math.tan(math.radians(FOV) / 2) * 3.9
+    apart = filled * edge - 0.1
+    shift = placement(cubes((-apart, 0.0, 0.0), (apart, 0.0, 0.0)))
+    assert (shift[2] < 0) == moved
+
+
 @pytest.mark.parametrize(("half", "shown"), [(0.14, True), (0.16, False)])
 def test_mujoco_s_own_camera_shows_what_stands_if_it_is_not_much_larger(
     half: float, shown: bool

@@ -34,7 +34,7 @@ from printed import Printed
 from syrupy.assertion import SnapshotAssertion
 
 from grosmc_mj.output.charts.interactive import PageFigure, page_figure
-from grosmc_mj.output.page import write
+from grosmc_mj.output.page import reading, write
 from grosmc_mj.output.page.curves import curves_chart
 from grosmc_mj.output.page.reading import Curves, read_results
 from grosmc_mj.output.page.verdicts import stories
@@ -293,6 +293,48 @@ def test_a_limit_far_outside_is_an_arrow_with_its_number(
     assert [note["text"] for note in layout["annotations"]] == ["angle [rad]", text]
 
 
+def test_of_two_limits_at_one_height_one_has_its_number() -> None:
+    """They are at 1.2 and 1.25 of an axis of 1.37."""
+    panel = {"curves": [law_curve("lqr")], "limits": [limit(1.2), limit(1.25), limit(0.9)]}
+    notes = [note["text"] for note in figure(panel).layout["annotations"]]
+    assert notes == ["angle [rad]", "1.2", "0.9"]
+
+
+# Quantities of a case, words of their limits, and the last values under LQR.
+QUANTITIES = [
+    ("angle [rad]", "stays within 2", 3.0),
+    ("rate [rad/s]", "stays within 20 rad/s", 1.0),
+    ("current [A]", "", -9.0),
+]
+
+
+def story_of(*standings: Standing) -> tuple[str, str]:
+    """Return quantity and sentence of a case in which grosmc is at 1."""
+    panels = []
+    for label, requirement, largest in QUANTITIES:
+        curves = [law_curve("lqr", last=largest), law_curve("grosmc")]
+        limits = [limit(2.0, requirement)] if requirement else []
+        panels.append({"label": label, "curves": curves, "limits": limits})
+    curves = Curves.model_validate({**CURVES, "panels": panels})
+    verdicts_of = {standing.law: standing for standing in standings}
+    (story,) = stories({("servo", "case1"): curves}, {"servo/case1": verdicts_of})
+    return story.panel.label, story.sentence
+
+
+def standing(law: str, requirement: str = "", share: float = 0.5) -> Standing:
+    """Standing of a law that keeps everything or breaks a requirement."""
+    words = f"{share:g} of the limit"
+    breaks_at = "physics" if requirement else ""
+    return Standing(
+        case="servo/case1",
+        law=law,
+        breaks_at=breaks_at,
+        requirement=requirement,
+        words=words,
+        share=share,
+    )
+
+
 @pytest.mark.parametrize(
     ("requirement", "label"),
     [("stays within 20 rad/s", "rate [rad/s]"), ("no reaching phase", "current [A]")],
@@ -301,21 +343,28 @@ def test_a_limit_far_outside_is_an_arrow_with_its_number(
 def test_the_missed_quantity_is_shown_or_else_that_in_which_laws_differ_most(
     requirement: str, label: str
 ) -> None:
-    limits = {"angle [rad]": "stays within 2", "rate [rad/s]": requirement, "current [A]": "4 A"}
-    panels = [
-        {
-            "label": name,
-            "curves": [law_curve("lqr", last=largest), law_curve("grosmc")],
-            "limits": [limit(2.0, limits[name])] if limits[name] != "no reaching phase" else [],
-        }
-        for name, largest in (("angle [rad]", 3.0), ("rate [rad/s]", 1.0), ("current [A]", -9.0))
-    ]
-    curves = Curves.model_validate({**CURVES, "panels": panels})
-    missed = Standing(
-        case="servo/case1", law="lqr", breaks_at="physics", requirement=requirement, words="30"
-    )
-    (story,) = stories({("servo", "case1"): curves}, {"servo/case1": {"lqr": missed}})
-    assert story.panel.label == label
+    assert story_of(standing("lqr", requirement, 1.5))[0] == label
+
+
+@pytest.mark.parametrize(
+    ("standings", "sentence"),
+    [
+        (
+            [standing("lqr"), standing("grosmc")],
+            "Each of 2 laws keeps everything; largest current: 1 A under grosmc, 9 A under lqr.",
+        ),
+        (
+            [standing("lqr", "a", 1.5), standing("pd", "a", 3), standing("x")],
+            "pd breaks a requirement (3 of the limit), and so does 1 more; x keeps everything.",
+        ),
+        ([], "Largest current: 1 A under grosmc, 9 A under lqr."),
+    ],
+    ids=["kept", "broken", "nothing required"],
+)
+def test_a_sentence_says_who_keeps_everything_and_how_far_laws_are_apart(
+    standings: list[Standing], sentence: str
+) -> None:
+    assert story_of(*standings)[1] == sentence
 
 
 # Pages of some documents.
@@ -348,9 +397,20 @@ def write_verdict(path: Path, words: str, modified: float) -> None:
 
 
 def test_the_newer_of_two_results_counts(tmp_path: Path) -> None:
-    write_verdict(tmp_path / "a.json", "newer", 2000)
-    write_verdict(tmp_path / "b.json", "older", 1000)
-    assert "older" not in page_of(tmp_path).text.partition("All answers")[0]
+    for name, title, modified in (("a", "newer", 2000), ("b", "older", 1000)):
+        write_verdict(tmp_path / f"{name}.json", title, modified)
+        curves = write_document(tmp_path / f"curves_{name}.json", {**CURVES, "title": title})
+        os.utime(curves, (modified, modified))
+    assert "older" not in page_of(tmp_path).text
+
+
+def test_a_document_that_is_too_large_is_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reading, "_LARGEST_DOCUMENT", 2**20)
+    write_documents(tmp_path, "curves")
+    (tmp_path / "run.json").write_text(json.dumps(RUN) + " " * 2**20, encoding="utf-8")
+    assert page_of(tmp_path).page.notices == [f"{tmp_path / 'run.json'}: is larger than 1 MB"]
 
 
 def test_a_result_that_was_set_aside_is_marked(tmp_path: Path) -> None:
