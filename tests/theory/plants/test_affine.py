@@ -12,7 +12,7 @@ import sympy as sp
 import grosmc_mj as gm
 from grosmc_mj.ground.errors import GrosmcError
 from grosmc_mj.theory.control.design import linear_lqr
-from grosmc_mj.theory.plants import AnalyticPlant, equilibrium
+from grosmc_mj.theory.plants import AnalyticPlant, OperatingPoint, equilibrium
 
 x, x1, x2, a = sp.symbols("x x1 x2 a")
 CHAIN: dict[str, Any] = {
@@ -122,7 +122,7 @@ def test_relative_degree_of_a_hard_case(plant: AnalyticPlant) -> None:
 SPRING = """
 <mujoco><worldbody><body name="b"><joint name="j" type="slide" axis="0 0 1" stiffness="100"/>
 <geom size="0.1" mass="2"/></body></worldbody>
-<actuator><motor name="m" joint="j" ctrllimited="true" ctrlrange="-5 5"/></actuator></mujoco>
+<actuator><motor name="m" joint="j" ctrllimited="true" ctrlrange="-4 5"/></actuator></mujoco>
 """
 
 
@@ -138,9 +138,12 @@ def test_the_cart_rests_anywhere_without_input() -> None:
     assert [*point.x, *point.u] == [0.3, 0.0, 0.0, 0.0, 0.0]
 
 
+def held_spring(position: float) -> OperatingPoint:
+    return equilibrium(gm.Robot.from_mjcf(SPRING).plant, {0: position})
+
+
 def test_a_motor_bears_the_weight_that_a_spring_does_not() -> None:
-    point = equilibrium(gm.Robot.from_mjcf(SPRING).plant, {0: -0.16})
-    np.testing.assert_allclose(point.u, [2 * 9.81 - 16.0], rtol=1e-6)
+    np.testing.assert_allclose(held_spring(-0.16).u, [2 * 9.81 - 16.0], rtol=1e-6)
 
 
 @pytest.mark.parametrize(("near", "expected"), [(0.8, 1.0), (-0.8, -1.0)])
@@ -200,10 +203,9 @@ def test_a_wrong_plant_is_refused(changes: dict[str, Any], words: str) -> None:
         ),
         (lambda: inner(-x2 - 2).poles(None), "not at rest at zero"),
         (lambda: inner(-x2, x1**2 - 4), "2 branches"),
-        (
-            lambda: equilibrium(gm.Robot.from_mjcf(SPRING).plant, {0: 0.0}),
-            r"under inputs cut to \[-5\] ... \[5\]",
-        ),
+        # Beyond the upper limit, and beyond the lower one.
+        (lambda: held_spring(0.0), r"under inputs cut to \[-4\] ... \[5\]"),
+        (lambda: held_spring(-0.32), r"under inputs cut to \[-4\] ... \[5\]"),
         (
             lambda: equilibrium(gm.MujocoPlant.load("cart_pendulum"), {1: 0.5, 3: 0.0, 2: 0.0}),
             r"rests nowhere near .* with pole angle = 0\.5",
