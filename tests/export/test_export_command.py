@@ -95,7 +95,7 @@ def test_a_compiler_that_makes_nothing_is_one_line_in_a_bounded_time(
         ('u[0] = x[0] * float("nan")', "law returned nan at t = 0 s, which is not finite"),
         ("memory.undefined = 1.0; u[0] = 0.0", "no sample to compare"),
         ("u[0] = 'text'", "must be one number"),
-        ("u[3] = 1.0", "index 3 is not known to lie in 0 ... 0"),
+        ("u[0] = 0.0; u[3] = 1.0", "index 3 is not known to lie in 0 ... 0"),
         ("u[0] = int(x[0] * float('inf')) % 3", "cannot convert float NaN to integer"),
     ],
 )

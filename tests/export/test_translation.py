@@ -210,6 +210,7 @@ REFUSED = [
     ("u[0] = counted()", "missing a required argument: 'memory'"),
     ("u[0] = x[0] % 1.0", "is for whole numbers: write math.fmod or math.floor"),
     ("u[0] = int(x[0]) % int(x[1])", "the divisor must be known to be positive"),
+    ("u[0] = int(x[0]) % (int(x[1]) % 3)", "the divisor must be known to be positive"),
     ("for i in range(2): i = i + 1", "i has a value already: give this one another name"),
     ("i = 7\n    for i in range(2): u[0] = i", "i has a value already: give the loop another"),
     ("for i in range(x[0]): u[0] = x[i % 2]", "range takes whole numbers: write int"),

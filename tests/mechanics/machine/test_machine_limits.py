@@ -206,26 +206,33 @@ def test_a_start_beyond_a_stop_is_refused(starts: Any) -> None:
         simulate(plant, law, x0, duration=0.01)
 
 
+DRY = LuGre("shaft", 0.05, stiffness=1e3)
+STRIBECK = LuGre("shaft", 0.05, 0.08, stiffness=1e3, stribeck=0.2)
+
+
 @pytest.mark.parametrize(
-    ("speed", "changes", "refused"),
+    ("part", "speed", "changes", "refused"),
     [
-        (0.139, {}, False),
-        (-0.14, {}, True),
-        (0.15, {"timestep": 0.9e-3}, False),
-        (-0.15, {"integrator": "Euler"}, False),
+        (DRY, 0.139, {}, ""),
+        (DRY, -0.14, {}, r"0\.00099 s, a stiffness .* 9\.9e\+02, or integrator"),
+        (DRY, 0.15, {"timestep": 0.9e-3}, ""),
+        (DRY, -0.15, {"integrator": "Euler"}, ""),
+        # g = 0.05 + 0.03 exp(-(v/0.2)^2) is 0.0640 and 0.0633.
+        (STRIBECK, 0.175, {}, ""),
+        (STRIBECK, 0.18, {}, r"where its friction is 0\.0633"),
     ],
 )
 def test_bristles_are_refused_at_a_speed_that_makes_them_unstable(
-    speed: float, changes: dict[str, Any], refused: bool
+    part: LuGre, speed: float, changes: dict[str, Any], refused: str
 ) -> None:
-    """RK4 carries z' = -s0 |v| z/g up to h s0 |v|/g = 2.785: 0.139 rad/s here."""
-    friction = LuGre("shaft", 0.05, stiffness=1e3)
-    plant = MujocoPlant.load("servo", edits=(friction,), **{"timestep": 1e-3, **changes})
+    """RK4 carries z' = -s0 |v| z/g up to h s0 |v|/g = 2.785: 0.139 rad/s without Stribeck."""
+    plant = MujocoPlant.load("servo", edits=(part,), **{"timestep": 1e-3, **changes})
+    start = np.array([0.0, speed])
     if not refused:
-        plant.require_start(np.array([0.0, speed]))
+        plant.require_start(start)
         return
-    with pytest.raises(ArgumentError, match=r"0\.00099 s, a stiffness .* 9\.9e\+02, or integrator"):
-        plant.require_start(np.array([0.0, speed]))
+    with pytest.raises(ArgumentError, match=refused):
+        plant.require_start(start)
 
 
 @pytest.mark.parametrize(("inductance", "stable"), [(0.361e-3, True), (0.357e-3, False)])

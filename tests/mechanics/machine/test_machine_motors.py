@@ -13,7 +13,7 @@ from machined import GEAR, HEAVY, J, servo, stepped
 from scipy.integrate import solve_ivp
 
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.mechanics.machine import Motor
+from grosmc_mj.mechanics.machine import Motor, Transmission
 from grosmc_mj.mechanics.physics.edit import Edit
 from grosmc_mj.mechanics.physics.edits import BodyEdit, InputEdit, JointEdit
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
@@ -195,6 +195,16 @@ def test_the_inertia_of_a_rotor_is_seen_through_the_gear() -> None:
     data.ctrl[0] = 0.5 / GEAR
     mujoco.mj_forward(model, data)
     assert data.qacc[0] == pytest.approx(0.5 / (J + 70.0**2 * 2e-5), rel=1e-9)
+
+
+def test_behind_a_transmission_its_inertia_is_that_of_the_rotor() -> None:
+    gear = Transmission("shaft", inertia=0.05, stiffness=500.0)
+    model = servo(gear, motor(ratio=-70.0, inertia=2e-5)).model
+    M = np.zeros((model.nv, model.nv))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, M)
+    assert np.diag(M) == pytest.approx([J, 0.05])
 
 
 def slow_angles(*edits: Edit) -> Array:
