@@ -308,7 +308,7 @@ def test_a_residual_far_beyond_the_motion_is_a_divergence(size: float, diverges:
     assert row.diverges is diverges
 
 
-PUSHED = Disturbance("rotor", (0.0, 0.0, 0.0, 0.0, -2.0, 0.0), Pulse(2.02, 2.08))
+PUSHED = Disturbance("rotor", (0.0, 0.0, 0.0, 0.0, -2.0, 0.0), Pulse(2.02, 2.15))
 
 
 def noisy(log: Log) -> Log:
@@ -317,9 +317,10 @@ def noisy(log: Log) -> Log:
 
 
 def test_a_push_that_no_model_explains_is_named() -> None:
+    """It lasts from one moment of 0.1 s into the next, which are one."""
     log = noisy(exact_log(LogModel(SERVO, disturbances=(PUSHED,))))
     assert unexplained_moments([LogModel(SERVO)], log, 1.0, TIMESTEP) == [
-        "1.99 to 2.09 s: a push that no model explains"
+        "1.99 to 2.19 s: a push that no model explains"
     ]
 
 
