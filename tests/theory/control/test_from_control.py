@@ -20,7 +20,7 @@ LAG: Any = control.tf([2.0, 3.0], [0.1, 1.0])
 SAMPLED = control.ss([[0.9]], [[0.5]], [[-2.0]], [[1.5]], PERIOD)
 # Two outputs and inputs that are coupled.
 COUPLED = control.ss(
-    [[0.9, 0.1], [0.0, 0.8]], [[1, 0.2], [0, 1]], [[3, 1], [-1, 2]], [[5, 1], [0, 4]], PERIOD
+    [[0.9, 0.1], [-0.2, 0.8]], [[1, 0.2], [0, 1]], [[3, 1], [-1, 2]], [[5, 1], [0, 4]], PERIOD
 )
 
 
