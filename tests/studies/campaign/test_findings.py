@@ -18,7 +18,7 @@ from grosmc_mj.output.charts.figure import drawn
 from grosmc_mj.output.results.document import json_text
 from grosmc_mj.output.results.tables import WIDTH
 from grosmc_mj.studies.campaign.campaign import Campaign
-from grosmc_mj.studies.campaign.drivers import LEVEL, Sensitivity, drivers_table, sensitivities
+from grosmc_mj.studies.campaign.drivers import Sensitivity, drivers_table, sensitivities
 from grosmc_mj.studies.campaign.findings import Findings, campaign_result, findings, findings_tables
 from grosmc_mj.studies.campaign.folder import Folder
 from grosmc_mj.studies.campaign.map import PassMap, map_axes, pass_map_chart
@@ -199,8 +199,8 @@ def test_a_table_of_corners_shows_no_interval(index: int, corners: Findings) -> 
 @pytest.mark.parametrize(
     ("p_value", "words"),
     [
-        (0.9 * LEVEL, "lqr: rotor mass scale drives its margin most (11 % of the variance"),
-        (1.1 * LEVEL, "lqr: no uncertain number alone drives its margin more than chance would"),
+        (0.009, "lqr: rotor mass scale drives its margin most (11 % of the variance"),
+        (0.011, "lqr: no uncertain number alone drives its margin more than chance would"),
     ],
 )
 def test_a_number_is_named_as_a_driver_if_its_share_is_no_noise(
