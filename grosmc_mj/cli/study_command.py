@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.answering import AnsweringCommand, Question
-from grosmc_mj.cli.command import OUTPUT, SEARCH, Flag, Out, WholeNumber
+from grosmc_mj.cli.command import OUTPUT, SEARCH, Figures, Flag, Out, WholeNumber
 from grosmc_mj.cli.films import write_with_progress
 from grosmc_mj.cli.targets import result_name
 
@@ -33,10 +33,12 @@ class StudyCommand(AnsweringCommand, Generic[AnyStudy, AnyRow]):
         resume: Measure only what is missing in the folder of the finished parts in --out, of the
             same file and versions.
         out: Folder for all that is written.
+        figures: Draw the figures.
     """
 
     resume: Annotated[Flag, Parameter(group=OUTPUT)] = False
     out: Out = Path("renders")
+    figures: Figures = True
 
     def study(self) -> AnyStudy:
         """Return the study that the options describe.
@@ -57,6 +59,10 @@ class StudyCommand(AnsweringCommand, Generic[AnyStudy, AnyRow]):
     def draw(self, study: AnyStudy, rows: Sequence[AnyRow], path: Path) -> Sequence[Path]:
         """Draw the figures beside the result; returns their paths."""
         raise NotImplementedError
+
+    def write_cases(self, study: AnyStudy, rows: Sequence[AnyRow], path: Path) -> Sequence[Path]:
+        """Write case files of what was found; returns their paths."""
+        return ()
 
     def keeps(self, study: AnyStudy, rows: Sequence[AnyRow]) -> bool:
         """Whether the laws keep enough for exit code 0."""
@@ -107,8 +113,13 @@ class _StudyQuestion(Question):
         return self._command.result(self._study, self._rows, complete=complete)
 
     def draw(self) -> Sequence[Path]:
-        """Draw the figures."""
-        return self._command.draw(self._study, self._rows, self.path)
+        """Draw the figures, and write the case files."""
+        command = self._command
+        files: list[Path] = []
+        if command.figures:
+            files += command.draw(self._study, self._rows, self.path)
+        files += command.write_cases(self._study, self._rows, self.path)
+        return files
 
     def close(self) -> None:
         """Write the film that is asked for, if any."""

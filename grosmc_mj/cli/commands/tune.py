@@ -66,17 +66,22 @@ class TuneCommand(SearchStudyCommand["TuneStudy", "TunedLaw"]):
         return tune_result(study, rows, complete=complete)
 
     def draw(self, study: TuneStudy, rows: Sequence[TunedLaw], path: Path) -> Sequence[Path]:
-        """Draw the figure and write the tuned case file."""
-        from grosmc_mj.experiments.file.shipped import written_beside
-        from grosmc_mj.ground.files import write_whole
+        """Draw the figure."""
         from grosmc_mj.output.charts.figure import write_chart
         from grosmc_mj.output.charts.of_results import panels_chart
-        from grosmc_mj.studies.tune.answer import charts, law_answer
-        from grosmc_mj.studies.tune.case_text import case_text
+        from grosmc_mj.studies.tune.answer import charts
 
         figure = path.with_suffix(".png")
         title = f"{study.target}: tuned laws"
         write_chart(panels_chart(title, [charts(row) for row in rows]), figure)
+        return [figure]
+
+    def write_cases(self, study: TuneStudy, rows: Sequence[TunedLaw], path: Path) -> Sequence[Path]:
+        """Write the case with the tuned laws."""
+        from grosmc_mj.experiments.file.shipped import written_beside
+        from grosmc_mj.ground.files import write_whole
+        from grosmc_mj.studies.tune.answer import law_answer
+        from grosmc_mj.studies.tune.case_text import case_text
 
         name = f"{result_name(study.case.path)}_tuned.toml"
         case = written_beside(study.case.path, self.out, name)
@@ -84,7 +89,7 @@ class TuneCommand(SearchStudyCommand["TuneStudy", "TunedLaw"]):
         laws = [law for law in study.laws if law.name in values]
         comments = [law_answer(study, row).words for row in rows]
         write_whole(case, case_text(study.case, laws, values, comments))
-        return [figure, case]
+        return [case]
 
     def keeps(self, study: TuneStudy, rows: Sequence[TunedLaw]) -> bool:
         """Whether each law keeps all on draws of no search."""

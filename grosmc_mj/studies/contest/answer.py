@@ -70,6 +70,8 @@ def contest_table(study: ContestStudy, rows: Sequence[ContestLaw]) -> Table:
             runs = ""
             if entry.step == TUNED:
                 numbers_of = f"{len(row.numbers)} tuned"
+                if row.unchanged:
+                    numbers_of += ", as in the file"
                 runs = str(row.runs)
             lines.append([row.law, numbers_of, *_cells(study, entry), runs])
     return table("Contest", columns, lines, grouped=True, legend=LEGEND)

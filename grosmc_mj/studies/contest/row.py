@@ -95,6 +95,11 @@ class ContestLaw(BaseModel):
     refused: str = ""
 
     @property
+    def unchanged(self) -> bool:
+        """Whether no number is better than that of the file."""
+        return all(number.before == number.after for number in self.numbers)
+
+    @property
     def tuned(self) -> Entry | None:
         """The law with tuned numbers; None if it could not be tuned."""
         return self.entries[-1] if self.entries else None

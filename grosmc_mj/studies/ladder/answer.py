@@ -34,6 +34,7 @@ from grosmc_mj.studies.matrix import (
 from grosmc_mj.studies.target import Condition
 
 STANDS = "stands"
+_UNFINISHED = "not finished"
 LEGEND = (
     "How much of the tightest limit is used; above 1 it is not kept. ended: the run ended early; "
     "never: it does not settle; 7 of 10: kept in so many draws; ?: an assumed number decides; "
@@ -67,6 +68,9 @@ def verdict(studied: Ladder, rows: Sequence[Verdict], condition: str) -> str:
     breaks = ", ".join(f"{rung} breaks {count}" for rung, count in broken_by.most_common(3))
     if breaks:
         answer += f"; {breaks}"
+    unfinished = [rungs[0].law for rungs in climbed if rungs[-1].step != top]
+    if unfinished:
+        answer += f"; not finished: {', '.join(unfinished)}"
     under_it = [row for row in rows if row.condition == condition]
     return f"{answer}.{_agreement(under_it, top)}"
 
@@ -114,8 +118,8 @@ def _answer_row(law: str, rungs: Sequence[Verdict], top: str) -> list[str]:
     """The row of one law, with the swings on the rung where it breaks or on its last."""
     failed = first_failed(rungs)
     last = rungs[-1]
-    every = ""
-    machine = ""
+    every = _UNFINISHED
+    machine = _UNFINISHED
     if last.step == top:
         every = "yes"
         machine = f"{'yes' if last.kept else 'no'} ({last.cell})"

@@ -52,7 +52,7 @@ class Binding(NamedTuple):
 
 
 class Conflict(NamedTuple):
-    """Two requirements that fight each other, as far as designs were tried.
+    """Two requirements that exclude each other, as far as designs were tried.
 
     Attributes:
         binding: The tightest at the best design.
@@ -68,8 +68,9 @@ class Conflict(NamedTuple):
     def words(self) -> str:
         """The conflict in a sentence."""
         return (
-            f"{self.binding.words} and {self.other.words} fight each other: the first alone comes "
-            f"to {number(self.least)} of its limit, at {number(self.other.share)} of the second's"
+            f"of the designs tried, none keeps both {self.binding.words} and {self.other.words}: "
+            f"where the first comes to {number(self.least)} of its limit, the second is at "
+            f"{number(self.other.share)} of its own"
         )
 
 
@@ -89,9 +90,9 @@ def binding(shares: Mapping[tuple[str, str], float]) -> Binding:
 
 
 def conflict(row: TunedLaw) -> Conflict | None:
-    """Return the two requirements that fight each other; None if only one is in the way.
+    """Return the two requirements that exclude each other; None if only one is in the way.
 
-    The tightest requirement at the best design fights the one that is the tightest where it alone
+    The tightest requirement at the best design excludes the one that is the tightest where it alone
     is kept best.
     """
     first = binding(shares_of(row.designs[row.best]))
@@ -118,8 +119,9 @@ def law_answer(study: TuneStudy, row: TunedLaw) -> Answer:
         verdict = NOT_KEPT
         answer = f"None found for {row.law} in {runs}; nearest: {_nearest(bound)}"
         found = conflict(row)
+        more = f"Go on with --resume --runs {2 * study.runs}, other ranges or another law."
         if found is not None:
-            more = f"{row.law}: {found.words}."
+            more = f"{row.law}: {found.words}. {more}"
     else:
         worst = worst_of(row.after)
         place = Binding(worst.condition, worst.tightest, worst.share).words

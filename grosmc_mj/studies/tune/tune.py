@@ -85,13 +85,14 @@ class TuneStudy(Study[TunedLaw]):
 
     def cells(self) -> list[StudyCell[TunedLaw]]:
         """Return a cell for each law."""
-        depends_on = dependencies(
-            self.configuration(), [item.condition for item in self.conditions]
-        )
+        configuration = self.configuration()
+        # A batch is the same whatever the budget: a longer search goes on from a shorter one.
+        del configuration["runs"]
+        depends_on = dependencies(configuration, [item.condition for item in self.conditions])
         return [
             StudyCell(
                 name=law.name,
-                key=(law.name, repr(law.table), repr(law.numbers)),
+                key=(*_numbers_of(law), f"{self.runs} runs"),
                 depends_on=depends_on,
                 measure=partial(_refuse_measuring, law.name),
             )
@@ -122,6 +123,11 @@ class TuneStudy(Study[TunedLaw]):
                 raise
             runner.write(cell, row)
             yield row
+
+
+def _numbers_of(law: TunableLaw) -> tuple[str, ...]:
+    """Return a law and its numbers, by which what is stored of it is named."""
+    return law.name, repr(law.table), repr(law.numbers)
 
 
 def _refuse_measuring(law: str, _: Any) -> TunedLaw:
@@ -194,7 +200,7 @@ class LawTuning:
 
     def _piece(self, asked: Any) -> Piece:
         """Return a batch among stored pieces."""
-        depends_on = [self._cell.depends_on, self._cell.key, self._batches, asked]
+        depends_on = [self._cell.depends_on, _numbers_of(self._law), self._batches, asked]
         return Piece.named_by(depends_on, f"batch {self._batches} of {self._law.name}")
 
     def _refuse_impossible(self) -> None:

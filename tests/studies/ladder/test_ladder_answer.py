@@ -82,7 +82,8 @@ def made_up() -> Ladder:
 
 def test_the_verdict_counts_laws_on_every_rung_apart_from_those_on_the_machine() -> None:
     assert answer.verdict(made_up(), FOUR_LAWS, "nominal") == (
-        "1 of 4 laws passes every rung, 2 the complete machine; delay breaks 2."
+        "1 of 4 laws passes every rung, 2 the complete machine; delay breaks 2; "
+        "not finished: interrupted."
     )
 
 
@@ -91,7 +92,7 @@ def test_the_answer_has_a_column_for_every_rung_beside_that_of_the_machine() -> 
     assert [cells[:4] for cells in first_screen.rows] == [
         ["stands", "yes", "yes (0.5)", ""],
         ["lqr", "no", "no (never)", "delay: settles within: 1.2 times"],
-        ["interrupted", "", "", ""],
+        ["interrupted", "not finished", "not finished", ""],
         ["recovers", "no", "yes (0.9)", "delay: settles within: 3 times"],
     ]
 

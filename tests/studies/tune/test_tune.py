@@ -147,6 +147,20 @@ def test_a_resumed_search_is_the_same_to_the_bit(tmp_path: Path):
     assert resumed == whole
 
 
+def test_a_longer_search_goes_on_from_a_shorter_one(tmp_path: Path):
+    """Its populations ask the same, as far as the shorter one has asked."""
+    path = str(write_block(tmp_path, settles="0.9 s"))
+    short = tune_study(path, ["mine"], runs=60)
+    tuned(short, tmp_path / "pieces")
+    before = set((tmp_path / "pieces").iterdir())
+    longer = replace(short, runs=120)
+    resumed = tuned(longer, tmp_path / "pieces", resume=True)
+    alone = tuned(longer, tmp_path / "alone")
+    assert resumed == alone
+    batches = len(list((tmp_path / "alone").iterdir()))
+    assert len(set((tmp_path / "pieces").iterdir()) - before) < batches
+
+
 def test_the_law_of_the_file_is_the_first_member(tmp_path: Path):
     study = drawn_lag(tmp_path)
     row = tuned(study, tmp_path / "pieces")
@@ -245,14 +259,14 @@ def test_where_all_is_kept_the_worst_condition_counts():
     assert roomy.value < tight.value
 
 
-# -- requirements that fight -----------------------------------------------------------------------
+# -- requirements that exclude each other ----------------------------------------------------------
 
 
 def tried(value: float, **shares: float) -> TriedDesign:
     return TriedDesign(point=[0.0], tightest={"nominal": value}, shares={"nominal": dict(shares)})
 
 
-def test_two_requirements_that_fight_are_named():
+def test_two_requirements_that_exclude_each_other_are_named():
     designs = [
         tried(0.3, rise=1.35, overshoot=1.3),
         tried(0.9, rise=0.2, overshoot=2.5),
@@ -264,9 +278,10 @@ def test_two_requirements_that_fight_are_named():
     assert found is not None
     assert (found.binding.requirement, found.other.requirement) == ("rise", "overshoot")
     assert (found.least, found.other.share) == (0.2, 2.5)
+    assert found.words.startswith("of the designs tried, none keeps both rise and overshoot: ")
 
 
-def test_a_requirement_that_nothing_helps_fights_no_other():
+def test_a_requirement_that_nothing_helps_excludes_no_other():
     designs = [tried(0.3, rise=1.35, overshoot=1.3), tried(0.9, rise=1.34, overshoot=2.5)]
     row = TunedLaw(law="mine", numbers=[], share=1.35, history=[], designs=designs, best=0, runs=2)
     assert conflict(row) is None
@@ -302,6 +317,7 @@ def test_the_command_says_how_near_the_nearest_came(tmp_path: Path, capsys: Scre
     printed = capsys.readouterr().out
     assert printed.startswith("None found for mine in 60 runs; nearest: settles within 1.")
     assert "impossible" not in printed
+    assert "Go on with --resume --runs 120" in printed
 
 
 WRONG = {

@@ -75,26 +75,34 @@ class ContestCommand(SearchStudyCommand["ContestStudy", "ContestLaw"]):
         return contest_result(study, rows, complete=complete)
 
     def draw(self, study: ContestStudy, rows: Sequence[ContestLaw], path: Path) -> Sequence[Path]:
-        """Draw the figure and write the case file of the tuned laws."""
-        from grosmc_mj.experiments.file.shipped import written_beside
-        from grosmc_mj.ground.files import write_whole
+        """Draw the figure."""
         from grosmc_mj.output.charts.figure import write_chart
         from grosmc_mj.output.charts.of_results import cells_chart
-        from grosmc_mj.studies.contest.answer import NOTE, contest_chart, contest_words
-        from grosmc_mj.studies.tune.case_text import case_text
-        from grosmc_mj.studies.tune.row import found_values
+        from grosmc_mj.studies.contest.answer import NOTE, contest_chart
 
         if not any(row.tuned for row in rows):
             return ()
         title = f"{study.target}: the file's numbers and tuned ones"
         chart = cells_chart(title, [contest_chart(study, rows)], NOTE)
-        figure = write_chart(chart, path.with_suffix(".png"))
+        return [write_chart(chart, path.with_suffix(".png"))]
 
+    def write_cases(
+        self, study: ContestStudy, rows: Sequence[ContestLaw], path: Path
+    ) -> Sequence[Path]:
+        """Write the case with the tuned laws."""
+        from grosmc_mj.experiments.file.shipped import written_beside
+        from grosmc_mj.ground.files import write_whole
+        from grosmc_mj.studies.contest.answer import contest_words
+        from grosmc_mj.studies.tune.case_text import case_text
+        from grosmc_mj.studies.tune.row import found_values
+
+        if not any(row.tuned for row in rows):
+            return ()
         case = written_beside(study.case.path, self.out, f"{path.stem}.toml")
         values = {row.law: found_values(row.numbers) for row in rows if row.tuned}
         laws = [law for law in study.tuning.laws if law.name in values]
         write_whole(case, case_text(study.case, laws, values, contest_words(rows)))
-        return figure, case
+        return [case]
 
     def keeps(self, study: ContestStudy, rows: Sequence[ContestLaw]) -> bool:
         """Whether a tuned law keeps all on draws of no search."""

@@ -100,18 +100,25 @@ class DisturbanceCommand(FilmedStudyCommand["DisturbanceStudy", "WorstDisturbanc
     def draw(
         self, study: DisturbanceStudy, rows: Sequence[WorstDisturbance], path: Path
     ) -> Sequence[Path]:
-        """Draw the figure and write the case files."""
-        from grosmc_mj.experiments.file.shipped import written_beside
-        from grosmc_mj.ground.files import atomic_write, name_in_files
+        """Draw the figure."""
         from grosmc_mj.output.charts.figure import write_chart
         from grosmc_mj.output.charts.of_results import panels_chart
-        from grosmc_mj.studies.disturbance.answer import case_text, charts
+        from grosmc_mj.studies.disturbance.answer import charts
 
         title = f"{study.experiment.target}: worst disturbance on {self.on}"
         figure = path.with_suffix(".png")
         write_chart(panels_chart(title, [charts(study, worst) for worst in rows]), figure)
+        return [figure]
 
-        files = [figure]
+    def write_cases(
+        self, study: DisturbanceStudy, rows: Sequence[WorstDisturbance], path: Path
+    ) -> Sequence[Path]:
+        """Write a case file for each law that replays its worst disturbance."""
+        from grosmc_mj.experiments.file.shipped import written_beside
+        from grosmc_mj.ground.files import atomic_write, name_in_files
+        from grosmc_mj.studies.disturbance.answer import case_text
+
+        files = []
         for worst in rows:
             name = f"{path.stem}_{name_in_files(worst.law)}.toml"
             file = written_beside(study.experiment.path, path.parent, name)
