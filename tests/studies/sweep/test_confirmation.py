@@ -92,9 +92,11 @@ def test_the_band_about_a_limit_is_widened_by_the_differences_that_are_found() -
     assert confirmation.rows().tolist() == np.flatnonzero(margins[0] <= confirmation.band).tolist()
 
 
-def test_a_margin_whose_sign_is_overturned_is_within_the_band() -> None:
+@pytest.mark.parametrize("by_physics", [-0.001, -np.inf])
+def test_a_margin_whose_sign_is_overturned_is_within_the_band(by_physics: float) -> None:
+    """Also that of a run that ends early in MuJoCo."""
     confirmation = MarginConfirmation(np.array([[0.2, 1.0]]), np.ones(2, bool), np.zeros(2, bool))
-    confirmation.note_margins(np.arange(2), np.array([True, False]), np.array([[-0.001, 1.0]]))
+    confirmation.note_margins(np.arange(2), np.array([True, False]), np.array([[by_physics, 1.0]]))
     assert confirmation.band >= FACTOR * 0.2
 
 
