@@ -30,6 +30,7 @@ def test_the_files_say_how_the_law_was_proven(tmp_path: Path) -> None:
     case = cases.write(tmp_path)
     assert run("export", case, "--law", "lqr", "--plants", 0, "--fmu", "--out", tmp_path) == DONE
     content = json.loads((tmp_path / "export_mine_lqr.json").read_text(encoding="utf-8"))
+    assert content["answers"][0]["verdict"] == "kept"
     words = f"equal to the last bit in {content['samples']} samples"
     source = (tmp_path / "mine_lqr.c").read_text(encoding="utf-8")
     assert words in content["answers"][0]["words"]
@@ -120,3 +121,5 @@ def test_a_law_whose_c_runs_otherwise_is_different(tmp_path: Path, capsys: Scree
     arguments = ["--law", "law", "--plants", 0, "--out", tmp_path]
     assert run("export", case, *arguments) == DIFFERS
     assert "C ends its run at 0.01 s on physics" in " ".join(capsys.readouterr().out.split())
+    content = json.loads((tmp_path / "export_mine_law.json").read_text(encoding="utf-8"))
+    assert content["answers"][0]["verdict"] == "measured"
