@@ -478,6 +478,14 @@ def film_of_tree(*runs: Trajectory) -> Film:
     return Film("tree", tree_plant().model, tuple(takes), SMALL)
 
 
+def test_a_plot_has_the_values_of_its_curves_between_the_instants_of_the_film() -> None:
+    run = servo()
+    shown = film(run, form=replace(SMALL, start=0.25, stop=0.75))
+    (line,) = _draw(Figure().subplots(), inputs(shown), shown)
+    np.testing.assert_array_equal(line.get_xdata(), run.time[250:751])
+    np.testing.assert_array_equal(line.get_ydata(), run.input[250:751])
+
+
 def test_a_power_of_ten_stands_below_a_long_title() -> None:
     """The title is longer than the axes are wide."""
     title = "size of the sliding variable |s| [rad/s]"

@@ -247,10 +247,15 @@ def test_lines_have_their_numbers_with_a_hollow_symbol_where_not_kept(written: W
 # Curves.
 
 
+def read(content: dict[str, Any]) -> Curves:
+    """Read curves as the page does, from JSON."""
+    return Curves.model_validate_json(json.dumps(content))
+
+
 def figure(panel: dict[str, Any], **fields: Any) -> PageFigure:
     """Return the figure of a case with one panel."""
     content = {**CURVES, "panels": [{"label": "angle [rad]", **panel}], **fields}
-    curves = Curves.model_validate(json.loads(json.dumps(content)))
+    curves = read(content)
     return page_figure(curves_chart(curves, curves.panels))
 
 
@@ -280,7 +285,13 @@ def test_a_legend_has_at_most_eight_entries(count: int) -> None:
 
 @pytest.mark.parametrize(
     ("value", "text", "on_axis"),
-    [(1.4, "1.4", True), (1.6, "↑ 1.6", False), (50.0, "↑ 50", False), (-9.0, "↓ -9", False)],
+    [
+        (1.4, "1.4", True),
+        (-0.4, "-0.4", True),
+        (1.6, "↑ 1.6", False),
+        (50.0, "↑ 50", False),
+        (-9.0, "↓ -9", False),
+    ],
 )
 def test_a_limit_far_outside_is_an_arrow_with_its_number(
     value: float, text: str, on_axis: bool
@@ -304,8 +315,10 @@ def test_of_two_limits_at_one_height_one_has_its_number() -> None:
 QUANTITIES = [
     ("angle [rad]", "stays within 2", 3.0),
     ("rate [rad/s]", "stays within 20 rad/s", 1.0),
-    ("current [A]", "", -9.0),
+    ("current [A]", "", -1.0),
 ]
+# Range of the current under LQR, which switches.
+SWITCHED = ([-9.0, -9.0], [2.0, 2.0])
 
 
 def story_of(*standings: Standing) -> tuple[str, str]:
@@ -313,9 +326,11 @@ def story_of(*standings: Standing) -> tuple[str, str]:
     panels = []
     for label, requirement, largest in QUANTITIES:
         curves = [law_curve("lqr", last=largest), law_curve("grosmc")]
+        if label == "current [A]":
+            curves[0]["range"] = SWITCHED
         limits = [limit(2.0, requirement)] if requirement else []
         panels.append({"label": label, "curves": curves, "limits": limits})
-    curves = Curves.model_validate({**CURVES, "panels": panels})
+    curves = read({**CURVES, "panels": panels})
     verdicts_of = {standing.law: standing for standing in standings}
     (story,) = stories({("servo", "case1"): curves}, {"servo/case1": verdicts_of})
     return story.panel.label, story.sentence
@@ -365,6 +380,17 @@ def test_a_sentence_says_who_keeps_everything_and_how_far_laws_are_apart(
     standings: list[Standing], sentence: str
 ) -> None:
     assert story_of(*standings)[1] == sentence
+
+
+def test_of_a_system_the_case_in_which_some_laws_break_a_requirement_is_told() -> None:
+    """Not that of the same curves in which all keep everything."""
+    names = ("case1", "case2", "case3")
+    curves = {("servo", name): read({**CURVES, "case": name}) for name in names}
+    kept = {"lqr": standing("lqr"), "grosmc": standing("grosmc")}
+    broken = kept | {"lqr": standing("lqr", "stays within 2", 1.5)}
+    verdicts_of = {"servo/case1": kept, "servo/case2": broken, "servo/case3": kept}
+    (story,) = stories(curves, verdicts_of)
+    assert story.curves.case == "case2"
 
 
 # Pages of some documents.
