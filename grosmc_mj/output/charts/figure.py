@@ -44,6 +44,9 @@ _PANEL_TITLE_SIZE = 11
 _LEGEND_SIZE = 8.5
 _NOTE_SIZE = 9
 _REMARK_SIZE = 8
+# Part of their size by which values of one number differ, and the room that they have around them.
+_ROUNDING = 1e-6
+_ROOM = 0.1
 # Share of a panel's part of the figure that its title has, beside the names of its axis.
 _TITLE_SHARE = 0.85
 # Width of a legend's line and of the space around its label, in letters.
@@ -237,8 +240,19 @@ def _set_axis(axes: Axes, name: str, axis: ChartAxis) -> None:
     if axis.ticks:
         getattr(axes, f"set_{name}ticks")(list(axis.ticks), list(axis.ticks.values()))
         getattr(axes, f"{name}axis").set_minor_locator(NullLocator())
-    if axis.low is not None or axis.high is not None:
-        getattr(axes, f"set_{name}lim")(axis.low, axis.high)
+    low, high = axis.low, axis.high
+    if low is None and high is None and axis.scale == "linear":
+        low, high = _around_constant(*getattr(axes.dataLim, f"interval{name}"))
+    if low is not None or high is not None:
+        getattr(axes, f"set_{name}lim")(low, high)
+
+
+def _around_constant(low: float, high: float) -> tuple[float, float] | tuple[None, None]:
+    """Return ends about values that differ by rounding alone, whose ticks would be offsets."""
+    largest = max(abs(low), abs(high))
+    if not 0 < high - low < _ROUNDING * largest:
+        return None, None
+    return low - _ROOM * largest, high + _ROOM * largest
 
 
 # -- layers ----------------------------------------------------------------------------------------

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grosmc_mj.ground.arrays import Array
+from grosmc_mj.mechanics.physics.edits import COLOUR
 from grosmc_mj.output.palette import DISTURBANCE, OPTIMUM, red_green_blue
 
 # Id of MuJoCo's own camera, which shows the whole model from above.
@@ -243,8 +244,13 @@ def surroundings_of(model: mujoco.MjModel, states: Array) -> Surroundings:
 
 
 def _uncoloured(model: mujoco.MjModel) -> dict[int, float]:
-    """Return the moving geoms of a model that colours none of them, with their parts of white."""
+    """Return the moving geoms of a model that colours none of them, with their parts of white.
+
+    What edits have added, such as a mass, keeps its own colour.
+    """
     moving = np.flatnonzero(_moving(model))
+    added = np.all(model.geom_rgba[moving] == np.array(COLOUR, np.float32), axis=1)
+    moving = moving[~added]
     coloured = (model.geom_matid[moving] >= 0) | np.any(
         model.geom_rgba[moving] != _NO_COLOUR, axis=1
     )

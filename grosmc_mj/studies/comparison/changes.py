@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from enum import Enum
 from typing import NamedTuple
 
 from grosmc_mj.ground.versions import DECISIVE
+from grosmc_mj.ground.wording import counted
 from grosmc_mj.output.page.reading import Document
 from grosmc_mj.output.results.result import Result, Value
 
@@ -90,20 +91,55 @@ def changes(old: Sequence[Document], new: Sequence[Document]) -> tuple[list[Chan
     shared = before.keys() & after.keys()
 
     changed = []
-    for kind, name in before.keys() | after.keys():
-        old_value = before.get((kind, name))
-        new_value = after.get((kind, name))
-        if old_value is None:
-            assert new_value is not None
-            effect = Effect.NEW
-            changed.append(Change(kind, name, None, new_value.value, effect, new_value.unit))
-        elif new_value is None:
-            effect = Effect.NOT_MEASURED
-            changed.append(Change(kind, name, old_value.value, None, effect, old_value.unit))
-        elif old_value.value != new_value.value:
+    for kind, name in shared:
+        old_value = before[kind, name]
+        new_value = after[kind, name]
+        if old_value.value != new_value.value:
             conditions = _conditions(kind, old, new)
             changed.append(_judged(kind, old_value, new_value, conditions))
+    changed += _one_sided(before, after, gone=True)
+    changed += _one_sided(after, before, gone=False)
     return changed, len(shared)
+
+
+def _one_sided(
+    values: Mapping[tuple[str, str], Value],
+    others: Mapping[tuple[str, str], Value],
+    *,
+    gone: bool,
+) -> list[Change]:
+    """Return the changes of values that one side has alone.
+
+    Several values of an owner that the other side does not know, such as a law that was not run,
+    are one change. A value without a number is none.
+
+    Args:
+        values: Values of the one side.
+        others: Those of the other one.
+        gone: Whether the one side is the old one.
+    """
+    known = {(kind, _owner(name)) for kind, name in others}
+    by_owner: dict[tuple[str, str], list[Value]] = {}
+    for (kind, name), value in values.items():
+        if (kind, name) not in others and value.value is not None:
+            owner = _owner(name)
+            group = name if (kind, owner) in known else owner
+            by_owner.setdefault((kind, group), []).append(value)
+
+    changed = []
+    for (kind, group), members in by_owner.items():
+        name, number, unit = members[0].name, members[0].value, members[0].unit
+        if len(members) > 1:
+            name, number, unit = group, counted(len(members), "value"), ""
+        before, after = (number, None) if gone else (None, number)
+        effect = Effect.NOT_MEASURED if gone else Effect.NEW
+        changed.append(Change(kind, name, before, after, effect, unit))
+    return changed
+
+
+def _owner(name: str) -> str:
+    """Return the owner of a value, such as ``servo/case1 physics lqr``, by its name."""
+    return name.partition(": ")[0]
 
 
 def _values(documents: Sequence[Document]) -> dict[tuple[str, str], Value]:

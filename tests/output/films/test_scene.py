@@ -14,6 +14,7 @@ import pytest
 
 from grosmc_mj.experiments.catalogue import find_experiment
 from grosmc_mj.ground.arrays import Array
+from grosmc_mj.mechanics.physics.edits import COLOUR
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.output import palette
 from grosmc_mj.output.films.scene import (
@@ -143,6 +144,13 @@ def test_the_camera_centres_moving_bodies() -> None:
     model = cubes((-1.0, 0.0, 0.2), (5.0, 0.0, 0.0))
     back = 3.1 / (ASPECT * FILLED * math.tan(math.radians(FOV) / 2)) - 3.9
     assert placement(model) == pytest.approx([2.0, 0.1, back], abs=SINGLE)
+
+
+def test_an_added_mass_leaves_a_model_its_law_s_colours() -> None:
+    ball = '<geom size="0.1"/>'
+    load = f'<geom size="0.05" rgba="{" ".join(map(str, COLOUR))}"/>'
+    model = model_of(f"<body><joint/>{ball}{load}</body>")
+    assert surroundings_of(model, state_of(model)[None]).uncoloured == {0: 0.0}
 
 
 @pytest.mark.parametrize("camera", [0, FREE_CAMERA])

@@ -130,6 +130,18 @@ def test_a_change_is_told_from_noise(
     assert effects(tmp_path, run_document(), run_document(**changes)) == expected
 
 
+def test_a_law_that_one_side_has_alone_is_one_change(tmp_path: Path) -> None:
+    """Of a value without a number neither side says anything."""
+    new = run_document()
+    stiff = [Value(name=f"stiff: {name}", value=1.0, unit="rad") for name in ("error", "input")]
+    stiff.append(Value(name="stiff: settles", value=None))
+    new["values"] += json.loads(json.dumps(valued(stiff)))["values"]
+    compared = compare(written(tmp_path / "old", run_document()), written(tmp_path / "new", new))
+    (change,) = compared.changes
+    assert (change.name, change.before, change.after) == ("stiff", None, "2 values")
+    assert change.effect is NEW
+
+
 @pytest.mark.parametrize(
     ("package", "effect"),
     [*((package, NOISE) for package in VERSIONS), ("python", CHANGED), ("matplotlib", CHANGED)],
