@@ -300,6 +300,13 @@ def test_a_run_of_a_log_begins_at_zero_with_the_samples_of_its_time() -> None:
     assert part.pieces == [slice(0, 16)]
 
 
+def test_before_a_log_its_inputs_are_zero_for_longer_than_their_delay(log: Log) -> None:
+    rested = predictions._after_rest(log, 0.02)
+    assert rested.time[0] == pytest.approx(-0.02 - log.sampling)
+    assert rested.inputs[0] == 0.0
+    assert rested.pieces == [slice(1, len(log.time) + 1)]
+
+
 def test_a_value_outside_has_the_digits_that_tell_it_from_the_spread(
     question: PredictionQuestion, complete: Prediction
 ) -> None:
