@@ -228,6 +228,7 @@ def test_curves_have_numbers_colours_and_windows_of_disturbances(written: Writte
 def test_cells_have_their_values_and_texts(written: Written) -> None:
     cells = written.figures[2]["data"][0]
     assert (cells["z"], cells["text"], cells["customdata"]) == ([[0.5]], [["3"]], [["deviation"]])
+    assert (cells["zmin"], cells["zmax"]) == (-2.0, 2.0)
 
 
 def test_a_grid_has_the_number_of_each_letter(written: Written) -> None:

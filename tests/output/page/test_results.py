@@ -340,10 +340,11 @@ def test_a_law_has_one_colour_in_all_panels() -> None:
 
 def test_an_axis_that_is_linear_about_zero_has_powers_of_ten_on_the_page() -> None:
     layers: list[Layer] = [Curve([0.0, 1.0], [-1e-3, 1.0], Stroke(INK))]
-    panel = Panel(layers, y=ChartAxis("y", "symlog", linear=1e-3))
+    panel = Panel(layers, y=ChartAxis("y", "symlog", linear=1e-3, low=-1e-3, high=1.0))
     figure = page_figure(Chart([[panel]]))
     low, high = figure.data[0]["y"]
     # It is asinh of the value over the linear part.
     assert (low, high) == (pytest.approx(-math.asinh(1)), pytest.approx(math.asinh(1e3)))
     axis = figure.layout["yaxis"]
+    assert axis["range"] == pytest.approx([low, high])
     assert dict(zip(axis["ticktext"], axis["tickvals"], strict=True))["1"] == pytest.approx(high)

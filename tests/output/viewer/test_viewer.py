@@ -182,8 +182,8 @@ def test_the_run_keeps_step_with_the_clock(watch: Callable[..., FakeWindow]) -> 
 
 
 def test_a_window_that_stood_still_is_not_caught_up_with(watch: Callable[..., FakeWindow]) -> None:
-    window = watch(pendulum(), 2, lambda window: window.sleep(100.0))
-    assert window.states[-1][0] == pytest.approx(LONGEST, abs=1.1e-3)
+    window = watch(pendulum(), 2, lambda window: window.sleep(100.0), speed=2.0)
+    assert window.states[-1][0] == pytest.approx(2.0 * LONGEST, abs=1.1e-3)
 
 
 def test_an_undefined_law_is_named_and_the_last_state_stays(
