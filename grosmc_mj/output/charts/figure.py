@@ -44,8 +44,8 @@ _PANEL_TITLE_SIZE = 11
 _LEGEND_SIZE = 8.5
 _NOTE_SIZE = 9
 _REMARK_SIZE = 8
-# Part of their size by which values of one number differ, and the room that they have around them.
-_ROUNDING = 1e-6
+# Part of their size by which values differ that are one number, and the room around them.
+_ROUNDING = 1e-4
 _ROOM = 0.1
 # Share of a panel's part of the figure that its title has, beside the names of its axis.
 _TITLE_SHARE = 0.85

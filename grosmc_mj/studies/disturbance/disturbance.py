@@ -139,8 +139,11 @@ class DisturbanceStudy(Study[WorstDisturbance]):
         Raises:
             ArgumentError: If nothing is required of a named law, or of any.
         """
-        required = [law for law in self.experiment.controllers if self.limits(law)]
-        for law in named or required[:1] or self.experiment.controllers[:1]:
+        laws = self.experiment.controllers
+        required = [law for law in laws if self.limits(law)]
+        # The reason is that of a law of which something is required.
+        judged = [law for law in laws if of_laws(self.experiment.limits, {law})]
+        for law in named or required[:1] or judged[:1] or laws[:1]:
             if law not in required:
                 raise ArgumentError(f"{self.experiment.path}: {self._why_nothing_of(law)}")
         experiment = self.experiment.changed(laws=named or required)
