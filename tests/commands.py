@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+
 import pytest
 
 from grosmc_mj import cli
@@ -25,3 +27,12 @@ def assert_one_line(error: str) -> None:
     assert error.count("\n") == 1
     assert error[:-1].isprintable()
     assert "unforeseen" not in error
+
+
+def hear_interrupts() -> None:
+    """The ``preexec_fn`` of every child that a test interrupts: Ctrl-C ends it.
+
+    A process that was started in the background ignores SIGINT, and so do its children: Python
+    raises KeyboardInterrupt only where it finds the default handler.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_DFL)

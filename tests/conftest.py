@@ -3,38 +3,28 @@
 from __future__ import annotations
 
 import compileall
-import contextlib
-import fcntl
 import gc
-import io
-import json
 import os
-import shutil
-import signal
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import hypothesis
-import numpy as np
 import pytest
-from commands import run
 from hostile_trial import Trial
 from last_digits import change_last_digits
+from open_loop import held
 from printed import Printed, answer
+from stored import Store
 from syrupy.assertion import SnapshotAssertion
 
 import grosmc_mj
 from grosmc_mj import cli
 from grosmc_mj.cli import screen
-from grosmc_mj.ground.arrays import Array
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.theory.control.controller import Controller
-from grosmc_mj.theory.control.memory import Memory
 from grosmc_mj.theory.plants import SYSTEMS
 
 # SymPy and numba make millions of small objects that live on: looking through them as often as
@@ -89,65 +79,6 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
         Path(stored).unlink(missing_ok=True)
 
 
-def hear_interrupts() -> None:
-    """The ``preexec_fn`` of every child that a test interrupts: Ctrl-C ends it.
-
-    A process that was started in the background ignores SIGINT, and so do its children: Python
-    raises KeyboardInterrupt only where it finds the default handler.
-    """
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
-class Stored(NamedTuple):
-    """A command that has run: its exit code, its words, and the folder of its results."""
-
-    code: int
-    said: str
-    folder: Path
-
-    def read(self, name: str) -> Any:
-        """A JSON document of its folder."""
-        return json.loads((self.folder / name).read_text(encoding="utf-8"))
-
-
-@dataclass(frozen=True)
-class Store:
-    """Folders that are filled once a session, for all of its worker processes."""
-
-    root: Path
-
-    def folder(self, name: str, fill: Callable[[Path], object]) -> Path:
-        """The folder of this name; the first process that needs it fills it, others wait."""
-        folder, done = self.root / name, self.root / f"{name}.done"
-        self.root.mkdir(exist_ok=True)
-        with (self.root / f"{name}.lock").open("w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
-            if not done.exists():
-                shutil.rmtree(folder, ignore_errors=True)
-                folder.mkdir()
-                fill(folder)
-                done.touch()
-        return folder
-
-    def command(self, *arguments: str) -> Stored:
-        """A command of the package with its ``--out``; tests only read its folder.
-
-        CI has run ``validate`` before, and names its folder in ``VALIDATED``.
-        """
-        made = os.environ.get("VALIDATED") if arguments == ("validate",) else None
-        name = "_".join(arguments).replace("/", "-")
-        folder = Path(made) if made else self.folder(name, partial(_command, arguments))
-        said = (folder / "said.txt").read_text(encoding="utf-8")
-        return Stored(int((folder / "code.txt").read_text()), said, folder)
-
-
-def _command(arguments: tuple[str, ...], folder: Path) -> None:
-    with contextlib.redirect_stdout(io.StringIO()) as said:
-        code = run(*arguments, "--out", folder)
-    (folder / "said.txt").write_text(said.getvalue(), encoding="utf-8")
-    (folder / "code.txt").write_text(str(code))
-
-
 @pytest.fixture(scope="session")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
     """What the tests of a session make once."""
@@ -166,42 +97,6 @@ def _compile(_: Path) -> None:
     plant = MujocoPlant.load("servo")
     for moved in (plant, plant.analytic()):
         simulate(moved, held(0.0), [0.0, 0.0], duration=2e-3)
-
-
-@dataclass(frozen=True)
-class Input:
-    """A constant input, in the unit of the plant's."""
-
-    u: float
-
-
-def constant_input(t: float, x: Any, memory: Any, p: Any) -> float:
-    memory.v = p.u
-    return p.u
-
-
-@dataclass(frozen=True, eq=False)
-class Inputs:
-    """Two constant inputs, in the units of the plant's, (2,)."""
-
-    u: Array
-
-
-def constant_inputs(t: float, x: Any, memory: Any, p: Any) -> tuple[float, float]:
-    memory.v[0], memory.v[1] = p.u[0], p.u[1]
-    return (p.u[0], p.u[1])
-
-
-def held(u: float | tuple[float, float]) -> Controller:
-    """A controller that holds one input or two."""
-    if isinstance(u, tuple):
-        memory = partial(_memory_of_two_inputs)
-        return Controller("open loop", constant_inputs, Inputs(np.array(u)), memory)
-    return Controller("open loop", constant_input, Input(u))
-
-
-def _memory_of_two_inputs() -> Memory:
-    return Memory(v=np.zeros(2))
 
 
 @pytest.fixture(params=list(SYSTEMS))

@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from commands import Patch
-from conftest import Store
 from rich.cells import cell_len
 from rich.console import Console
 from shipped import REGULATION, uncertainty_of
+from stored import Store
 
 from grosmc_mj import cli
 from grosmc_mj.chapter.claims import claim as claims

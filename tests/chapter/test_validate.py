@@ -13,8 +13,8 @@ import pytest
 import scipy.integrate
 import scipy.linalg
 from commands import Patch, Screen, run
-from conftest import Store, Stored
 from rich.cells import cell_len
+from stored import Store, Stored
 
 from grosmc_mj import cli
 from grosmc_mj.chapter import agreement

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import cases
 import numpy as np
 import pytest
-from conftest import held
+from open_loop import held
 
 from grosmc_mj.environments import law_policy
 from grosmc_mj.environments.episode import Episode

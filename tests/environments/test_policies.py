@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import held
+from open_loop import held
 from shipped import case_plant, find_case, nominal_controller
 
 from grosmc_mj.environments import law_policy, policy_controller

@@ -13,8 +13,8 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from conftest import held
 from mjcf import CROWDED
+from open_loop import held
 
 from grosmc_mj.ground.errors import ModelError
 from grosmc_mj.mechanics.physics.hooks import clock_suspended

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
-from conftest import held
+from open_loop import held
 
 import grosmc_mj as gm
 from grosmc_mj.experiments.catalogue import chapter_controller

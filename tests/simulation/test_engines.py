@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 import pytest
-from conftest import held
 from looped import Noticed, seen
 from mjcf import COMPLIANT, CROWDED, DELAY, LAG, ONE, SECOND, TREE, TWO
+from open_loop import held
 from shipped import find_case
 
 from grosmc_mj.experiments.experiment import Experiment

@@ -18,8 +18,7 @@ from typing import Any, NamedTuple
 
 import executor_work
 import pytest
-from commands import Patch
-from conftest import hear_interrupts
+from commands import Patch, hear_interrupts
 from loky import cpu_count
 
 from grosmc_mj.ground.errors import ArgumentError, DivergenceError, SetupError

@@ -16,12 +16,12 @@ import matplotlib as mpl
 import mujoco
 import numpy as np
 import pytest
-from conftest import held
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from mjcf import TREE
+from open_loop import held
 
 from grosmc_mj.cli import films
 from grosmc_mj.cli.program import parse

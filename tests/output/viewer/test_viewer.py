@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 import pytest
 from commands import Patch, Screen, run
-from conftest import held
+from open_loop import held
 
 from grosmc_mj import cli
 from grosmc_mj.cli.commands.film import FilmCommand

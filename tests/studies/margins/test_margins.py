@@ -436,7 +436,7 @@ def test_the_command_writes_a_document_and_resumes(tmp_path: Path, capsys: Scree
 
 def test_a_law_that_the_file_does_not_run_stops_no_other_one(tmp_path: Path) -> None:
     """It raises an error in its first step; that is said in its row."""
-    code = "def beyond(t, x, memory, p, u):\n    u[5] = 1.0\n"
+    code = "def beyond(t, x, memory, p, u):\n    u[0] = u[5] = 1.0\n"
     (tmp_path / "mine.py").write_text(code)
     target = written(tmp_path, REQUIRED, LIMITED)
     content = target.read_text() + '[laws.wrong]\nlaw = "mine:beyond"\n'

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from conftest import held
+from open_loop import held
 from scipy.integrate import solve_ivp
 
 from grosmc_mj import plants
