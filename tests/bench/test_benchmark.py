@@ -59,6 +59,7 @@ class FakeClock:
         return TimedLoop(name, 1, 100, lambda: run)
 
 
+@pytest.mark.slow
 def test_the_middle_half_of_the_ratios_holds_half_of_the_rounds(monkeypatch: Patch) -> None:
     """The law takes 2, 3, 4, 5 and 40 s where MuJoCo takes 2 s, and 1 s without its clock."""
     clock = FakeClock()

@@ -440,6 +440,7 @@ def test_a_full_disk_loses_no_fit(tmp_path: Path, capsys: Screen, monkeypatch: P
     assert payload["nominal"] == pytest.approx(ARM_TRUE[0])
 
 
+@pytest.mark.slow
 def test_ctrl_c_keeps_the_best_so_far(tmp_path: Path, capsys: Screen, monkeypatch: Patch) -> None:
     """After six steps of a search: the answer says so, and the case has the values so far."""
     steps = iter(range(6))

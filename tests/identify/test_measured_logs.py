@@ -64,6 +64,7 @@ def test_a_cart_pole_that_turns_over_is_told_how_to_be_read() -> None:
     assert note.startswith("pendulum angle jumps by a turn, 6 times")
 
 
+@pytest.mark.slow
 def test_compare_tells_the_rung_that_explains_a_log_and_a_load_that_moves_nothing(
     printed: Any, tmp_path: Path
 ) -> None:

@@ -685,6 +685,7 @@ def test_a_rate_on_the_same_plants_without_a_change_has_an_interval_of_zero() ->
     assert (interval.low, interval.high) == (0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_an_interval_of_a_rate_on_other_plants_covers_the_change() -> None:
     """With 99 % at least: the bounds of both rates hold together."""
     random = np.random.default_rng(2)

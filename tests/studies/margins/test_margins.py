@@ -131,6 +131,7 @@ def test_an_input_gets_a_quarter_of_its_limit_and_a_state_a_quarter_of_its_range
     assert len(places) == 2
 
 
+@pytest.mark.slow
 def test_the_table_of_the_bench_has_the_margins_of_lqr() -> None:
     lqr = measured(1, 0)
     assert [row.condition for row in lqr.refused] == ["case1"]
@@ -482,6 +483,7 @@ def test_an_unknown_target_gets_one_line(capsys: Screen) -> None:
     assert_one_line(capsys.readouterr().err)
 
 
+@pytest.mark.slow
 def test_a_loop_that_leaves_its_region_under_an_injection_gets_one_line(
     tmp_path: Path, capsys: Screen
 ) -> None:

@@ -98,6 +98,7 @@ def test_lqr_does_not_keep_its_task_under_case_1() -> None:
     assert not margins[AS_IS].kept
 
 
+@pytest.mark.slow
 def test_every_change_that_is_kept_is_kept_in_all_draws_and_the_failing_one_is_not() -> None:
     """Larger gains are kept in some draws."""
     task = servo_task("implicit", draws=8)
