@@ -28,3 +28,12 @@ def test_a_saved_run_is_read_again_without_them(tmp_path: Path) -> None:
     again = load_trajectory(run.save(tmp_path / "run.parquet"))
     assert np.array_equal(again.state, run.trajectory.state)
     assert np.array_equal(again.input, run.trajectory.input)
+
+
+def test_columns_of_forces_and_torques_have_their_units(tmp_path: Path) -> None:
+    load = {"body": "rotor", "torque": ["0 N m", "0.1 N m", "0 N m"]}
+    run = case("servo", disturbance=load).run("physics", "lqr")
+    columns = pyarrow.csv.read_csv(run.save(tmp_path / "run.csv"))
+    torque = columns["torque y on rotor [N m]"].to_numpy(zero_copy_only=False)
+    assert np.allclose(torque[:-1], 0.1)
+    assert "force x on rotor [N]" in columns.column_names

@@ -141,3 +141,9 @@ def test_a_number_times_a_signal_over_a_bracket_has_its_unit() -> None:
     signals = {"t": np.zeros(1), "u": np.ones(1), "speed": np.full(1, 3.0)}
     assert read.formula.margins(signals, 1.0) == pytest.approx([5.0], rel=1e-15)
     assert read.unit == "V"
+
+
+@pytest.mark.parametrize(("text", "number"), [("20 %", "0.2"), ("0.5 %", "0.005"), ("7", "7")])
+def test_a_text_in_place_of_a_number_is_told_the_number(text: str, number: str) -> None:
+    with pytest.raises(ArgumentError, match=rf"write {number}( without quotes)?$"):
+        number_in(text, "1")

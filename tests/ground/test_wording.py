@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from grosmc_mj.ground.errors import unknown_name
 from grosmc_mj.ground.wording import counted, counted_of, quantity_and_unit, titled, unit_after
 
 
@@ -50,3 +51,9 @@ def test_a_pure_number_has_no_unit(unit: str) -> None:
 )
 def test_a_title_gives_its_quantity_and_unit_back(quantity: str, unit: str) -> None:
     assert quantity_and_unit(titled(quantity, unit)) == (quantity, unit)
+
+
+def test_an_unknown_name_is_told_the_first_twenty_and_how_many_more_there_are() -> None:
+    line = unknown_name("case", "zzz", [f"case{number}" for number in range(27)])
+    assert "case19 and 7 more" in line
+    assert "case20" not in line

@@ -147,3 +147,9 @@ def test_one_failure_decides_the_standing_of_a_law_in_an_interrupted_study() -> 
 def test_a_verdict_is_read_from_its_document() -> None:
     row = verdict_of({"error": math.inf}, ended="diverged").changed(numbers={"variation": 2.0})
     assert Verdict.model_validate(json.loads(json_text(row.model_dump()))) == row
+
+
+def test_less_of_a_limit_is_better_in_a_comparison() -> None:
+    row = verdict_of({"settles_within": 0.5}).changed(law="lqr", step="friction")
+    (share,) = [value for value in values_of("servo", [row]) if "share of the limit" in value.name]
+    assert (share.value, share.better) == (0.5, -1)

@@ -468,3 +468,17 @@ def test_friction_that_cannot_be_is_refused_in_one_line(make: Any, words: str) -
     with pytest.raises(ModelError, match=words) as refused:
         make()
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("term", ["stribeck_force", "quadratic_motor", "quadratic_external"])
+def test_each_term_of_a_stribeck_curve_needs_its_speed(term: str) -> None:
+    with pytest.raises(ModelError, match="need a stribeck_speed"):
+        DriveFriction("shaft", coulomb=1.5, **{term: 0.1})
+
+
+def test_the_words_of_a_drive_s_friction_have_each_share() -> None:
+    shares = {"load_motor": 0.02, "stribeck_motor": 0.01, "load_external": 0.05}
+    part = DriveFriction("shaft", coulomb=1.5, stribeck_speed=0.1, **shares)
+    assert str(part) == (
+        "shaft: drive friction of 1.5 at rest and 0.03 of the motor's torque and 0.05 of the load's"
+    )

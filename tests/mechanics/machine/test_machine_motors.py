@@ -280,3 +280,8 @@ def test_a_motor_under_a_negative_gear_has_the_opposite_input(part: Motor) -> No
     turned = wave(fine(InputEdit("current", gear=-GEAR), part, timestep=1e-4))
     opposite = wave(fine(part, timestep=1e-4), sign=-1.0)
     np.testing.assert_array_equal(turned, opposite)
+
+
+def test_the_words_of_a_motor_have_its_voltage_and_its_current() -> None:
+    motor = Motor("current", constant=0.05, resistance=2.0, voltage=24.0, current=5.0)
+    assert str(motor) == "current: DC motor by voltage, within 24 V and 5 A"

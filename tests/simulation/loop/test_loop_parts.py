@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from looped import ANGLE, CURRENT, SPEED, H, played, seen
 
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.simulation.loop import Actuator, Computing, Loop, Sensor
+from grosmc_mj.simulation.loop import Actuator, Computing, Estimator, Loop, Sensor
 from grosmc_mj.simulation.loop.counter import normal, uniform
 from grosmc_mj.theory.plants import SERVO
 
@@ -181,3 +181,10 @@ def test_the_output_of_lags_is_the_mean_of_their_exact_discretization(
     # less lag / H times the gain of the output.
     bound = 16 * EPS * 3 * (1 / -math.expm1(-H / lag)) ** order * (1 + 2 * lag / H)
     np.testing.assert_allclose(run.input, means, rtol=0, atol=bound)
+
+
+def test_the_words_of_a_loop_have_its_numbers_in_their_units() -> None:
+    begun = Estimator(SPEED, law="eso", bandwidth=40.0, settled=False)
+    lines = Loop(computing=Computing(missed=0.05), estimators=(begun,)).words(SERVO)
+    assert any("5 %" in line for line in lines)
+    assert any("estimated by eso with bandwidth 40, from rest" in line for line in lines)
