@@ -184,7 +184,7 @@ def test_the_output_of_lags_is_the_mean_of_their_exact_discretization(
 
 
 def test_the_words_of_a_loop_have_its_numbers_in_their_units() -> None:
-    begun = Estimator(SPEED, law="eso", bandwidth=40.0, settled=False)
+    begun = Estimator((SPEED,), law="eso", bandwidth=40.0, settled=False)
     lines = Loop(computing=Computing(missed=0.05), estimators=(begun,)).words(SERVO)
-    assert any("5 %" in line for line in lines)
+    assert "computer: 5 % of the outputs missed" in lines
     assert any("estimated by eso with bandwidth 40, from rest" in line for line in lines)
