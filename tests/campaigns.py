@@ -45,6 +45,14 @@ LOOP: dict[str, Any] = {
     "actuator": [{"of": "current", "limit": "4 A", "lag": "1 ms"}],
     "laws": [*LQR, {"law": "lqr", "name": "predicting", "predict": True}],
 }
+# Friction of a servo's shaft.
+LUGRE = {
+    "joint": "shaft",
+    "coulomb": "0.05 N m",
+    "static": "0.07 N m",
+    "stiffness": "27 N m/rad",
+    "damping": "0.24 N m s/rad",
+}
 # A servo as it is built: its gear, friction, stops, motor and a wall.
 MACHINE: dict[str, Any] = {
     "run": {"timestep": "0.25 ms"},
@@ -55,13 +63,7 @@ MACHINE: dict[str, Any] = {
         "damping": "0.2 N m s/rad",
         "backlash": "1 mrad",
     },
-    "lugre": {
-        "joint": "shaft",
-        "coulomb": "0.05 N m",
-        "static": "0.07 N m",
-        "stiffness": "27 N m/rad",
-        "damping": "0.24 N m s/rad",
-    },
+    "lugre": LUGRE,
     "stop": {"joint": "shaft", "low": "-1 rad", "high": "1 rad", "restitution": 0.3},
     "motor": {"input": "current", "constant": "7.68 mN m/A", "resistance": "2.6 ohm", "ratio": 10},
     "wall": {"body": "rotor", "radius": "1 cm", "point": ["0 m", "0 m", "-1 m"]},

@@ -13,11 +13,11 @@ from grosmc_mj.experiments.file.user_code import named_in, sources
 from grosmc_mj.ground.errors import ArgumentError, placed
 from grosmc_mj.ground.wording import titled
 
-# What is taken over whole.
+# Tables that are taken over whole.
 _TAKEN = ("run", "task", "laws", "controller", "requirement")
 # Logs and claims are of other runs than those of the written file.
 _OF_OTHER_RUNS = ("source", "claim", "measured")
-# What the written file has of its own. Edits make the machine, and that one is identified.
+# Keys that the written file has of its own. Edits make the machine, and that one is identified.
 _OWN = ("name", "title", "plant", "edit", "disturbance", "uncertain", "correlation", "log")
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import cases
 import numpy as np
 import pytest
+from campaigns import LUGRE
 
 import grosmc_mj as gm
 from grosmc_mj.experiments.experiment import Experiment
@@ -31,13 +32,7 @@ TABLES: dict[str, Any] = {
         {"of": "rotor speed", "noise": "1 mrad/s"},
     ],
     "actuator": {"of": "current", "lag": "2 ms"},
-    "lugre": {
-        "joint": "shaft",
-        "coulomb": "0.05 N m",
-        "static": "0.07 N m",
-        "stiffness": "27 N m/rad",
-        "damping": "0.24 N m s/rad",
-    },
+    "lugre": LUGRE,
     "motor": {"input": "current", "constant": "7.68 mN m/A", "resistance": "2.6 ohm"},
     "disturbance": [
         {"input": "current", "amplitude": "2A", "label": "load"},

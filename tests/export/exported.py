@@ -131,7 +131,7 @@ int main(void)
 
 
 def complaints_of_sanitizers(law: LawInC, folder: Path) -> str:
-    """What compiler, sanitizers or the law itself say of 1,000 samples."""
+    """Return the words of compiler, sanitizers or the law itself on 1,000 samples."""
     calls = {"@init": "&memory", "@step": "k * (@real)0.001, signals"}
     if law.loop is not None:
         calls = {"@init": "&memory, ones", "@step": "2 * k, signals, ones"}

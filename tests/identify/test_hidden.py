@@ -34,7 +34,7 @@ OFFSET = {
 
 
 def weak_of(log: Log, *uncertain: dict[str, Any]) -> HiddenParameter | None:
-    """What a log of current and angle does not show of the numbers of a servo."""
+    """Numbers of a servo that a log of current and angle does not show."""
     servo = cases.case(
         "servo",
         computing={"delay": "1 ms"},

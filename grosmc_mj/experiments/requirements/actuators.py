@@ -81,9 +81,10 @@ class InputBelow(Requirement):
 
     def note(self, run: MeasuredRun, *, kept: bool) -> str:
         """Say for how long an actuator gives the most that it can."""
-        if not run.saturated:
+        saturated = run.saturated
+        if not saturated:
             return ""
-        return f"at the actuator's limit {100 * run.saturated:.2g} % of the time"
+        return f"at the actuator's limit {100 * saturated:.2g} % of the time"
 
 
 class SaturatedForLessThan(Requirement):

@@ -32,10 +32,17 @@ def largest_at(time: Array, rows: Iterable[Array], names: Sequence[str], after: 
     return f"peak{name} at {time[instant]:.3g} s"
 
 
-def _output_names(law: Controller) -> list[str]:
-    """Names of the outputs that a law follows."""
-    error = law.designed.error
-    return [error.names[row] for row in error.output_rows]
+def _peak_of_outputs(run: MeasuredRun, z: Array, after: float = 0.0) -> str:
+    """Return in words where the outputs' part of rows like the error state, (N + 1, n), is largest.
+
+    Args:
+        run: The run.
+        z: Error states, or their distance from others.
+        after: Instant from which on they count [s].
+    """
+    error = run.controller.designed.error
+    names = [error.names[row] for row in error.output_rows]
+    return largest_at(run.comparison.time, z[:, error.output_rows].T, names, after)
 
 
 class StaysWithin(Requirement):
@@ -56,14 +63,13 @@ class StaysWithin(Requirement):
         if kept:
             return ""
         comparison = run.comparison
-        if self.signal:
-            signals = signals_of(run.trajectory, run.controller, [self.signal], comparison)
-            values = signals[self.signal]
-            if self.periodic:
-                values = np.angle(np.exp(1j * values))
-            return largest_at(comparison.time, [values], [""], self.after)
-        errors = comparison.z[:, comparison.outputs].T
-        return largest_at(comparison.time, errors, _output_names(run.controller), self.after)
+        if not self.signal:
+            return _peak_of_outputs(run, comparison.z, self.after)
+        signals = signals_of(run.trajectory, run.controller, [self.signal], comparison)
+        values = signals[self.signal]
+        if self.periodic:
+            values = np.angle(np.exp(1j * values))
+        return largest_at(comparison.time, [values], [self.signal], self.after)
 
 
 class FinalErrorBelow(StaysWithin):
@@ -120,9 +126,7 @@ class DeviationBelow(OfWeights):
         """Say of a missed limit when, and by which of several outputs, it is missed most."""
         if kept:
             return ""
-        comparison = run.comparison
-        away = (comparison.z - comparison.optimal)[:, comparison.outputs].T
-        return largest_at(comparison.time, away, _output_names(run.controller))
+        return _peak_of_outputs(run, run.comparison.z - run.comparison.optimal)
 
 
 class CostRatioBelow(OfWeights):

@@ -49,7 +49,7 @@ def references_and_errors(run: Trajectory, law: Controller) -> dict[str, tuple[s
     """Return unit and values (N + 1,) of each reference and of each error that a law follows."""
     error = law.designed.error
     reference = error.reference_along(run.time, law.parameters.reference)
-    z = error.along(run.time, run.state, law.parameters)
+    z = error.beside(reference, run.state, law.parameters)
     columns = {}
     for i, (name, unit) in enumerate(zip(error.names, error.units, strict=True)):
         columns[f"{name} reference"] = (unit, reference[:, i])

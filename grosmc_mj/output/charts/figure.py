@@ -240,19 +240,18 @@ def _set_axis(axes: Axes, name: str, axis: ChartAxis) -> None:
     if axis.ticks:
         getattr(axes, f"set_{name}ticks")(list(axis.ticks), list(axis.ticks.values()))
         getattr(axes, f"{name}axis").set_minor_locator(NullLocator())
-    low, high = axis.low, axis.high
-    if low is None and high is None and axis.scale == "linear":
-        low, high = _around_constant(*getattr(axes.dataLim, f"interval{name}"))
-    if low is not None or high is not None:
-        getattr(axes, f"set_{name}lim")(low, high)
+    if axis.low is not None or axis.high is not None:
+        getattr(axes, f"set_{name}lim")(axis.low, axis.high)
+    elif axis.scale == "linear":
+        _give_room(axes, name)
 
 
-def _around_constant(low: float, high: float) -> tuple[float, float] | tuple[None, None]:
-    """Return ends about values that differ by rounding alone, whose ticks would be offsets."""
+def _give_room(axes: Axes, name: str) -> None:
+    """Give values that differ by rounding alone room around them: their ticks would be offsets."""
+    low, high = getattr(axes.dataLim, f"interval{name}")
     largest = max(abs(low), abs(high))
-    if not 0 < high - low < _ROUNDING * largest:
-        return None, None
-    return low - _ROOM * largest, high + _ROOM * largest
+    if 0 < high - low < _ROUNDING * largest:
+        getattr(axes, f"set_{name}lim")(low - _ROOM * largest, high + _ROOM * largest)
 
 
 # -- layers ----------------------------------------------------------------------------------------

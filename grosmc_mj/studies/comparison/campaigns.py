@@ -17,7 +17,7 @@ from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, one_line
 from grosmc_mj.ground.wording import counted
 from grosmc_mj.studies.campaign.manifest import MANIFEST, read_manifest
-from grosmc_mj.studies.comparison.changes import GONE, Change, Effect, effect_of
+from grosmc_mj.studies.comparison.changes import GONE, Change, Effect, effect_of, one_sided_change
 from grosmc_mj.studies.comparison.intervals import (
     ChangeInterval,
     other_plants_mean,
@@ -28,6 +28,9 @@ from grosmc_mj.studies.comparison.intervals import (
 from grosmc_mj.studies.sweep.runs import MARGIN
 from grosmc_mj.studies.sweep.sampled import SampledRuns
 
+# Kind of its changes, and the value of what one side has alone.
+KIND = "campaign"
+THERE = "there"
 # Column of the least margin of each run.
 _LEAST_MARGIN = "relative"
 # Plants that are listed by their numbers.
@@ -210,18 +213,18 @@ class ComparedNumber(NamedTuple):
         interval = self.interval
         verdicts = self.verdicts
         if verdicts is not None:
-            return Change("campaign", name, before, after, verdicts.effect, note=verdicts.words)
+            return Change(KIND, name, before, after, verdicts.effect, note=verdicts.words)
         if after is None:
-            return Change("campaign", name, before, after, Effect.WORSE, note=GONE)
+            return Change(KIND, name, before, after, Effect.WORSE, note=GONE)
         if before is None:
-            return Change("campaign", name, before, after, Effect.NEW)
+            return Change(KIND, name, before, after, Effect.NEW)
         if interval is None:
-            return Change("campaign", name, before, after, Effect.CHANGED, note=_NO_INTERVAL)
+            return Change(KIND, name, before, after, Effect.CHANGED, note=_NO_INTERVAL)
 
         effect = Effect.NOISE
         if interval.excludes_zero:
             effect = effect_of(after - before)
-        return Change("campaign", name, before, after, effect, note=interval.words)
+        return Change(KIND, name, before, after, effect, note=interval.words)
 
 
 def campaign_changes(old: CampaignRows, new: CampaignRows) -> tuple[list[Change], int]:
@@ -229,7 +232,7 @@ def campaign_changes(old: CampaignRows, new: CampaignRows) -> tuple[list[Change]
     before = old.margins
     after = new.margins
     changes = [
-        one_sided_change(f"{new.name} {name}", gone=name in before)
+        one_sided_change(KIND, f"{new.name} {name}", THERE, gone=name in before)
         for name in before.keys() ^ after.keys()
     ]
 
@@ -244,13 +247,6 @@ def campaign_changes(old: CampaignRows, new: CampaignRows) -> tuple[list[Change]
             if changed or number.before != number.after:
                 changes.append(number.change(new.name))
     return changes, compared
-
-
-def one_sided_change(name: str, *, gone: bool) -> Change:
-    """Return the change of a campaign or a margin that one side has not measured."""
-    if gone:
-        return Change("campaign", name, "there", None, Effect.NOT_MEASURED)
-    return Change("campaign", name, None, "there", Effect.NEW)
 
 
 def _law_runs(old: CampaignRows, new: CampaignRows, law: str) -> LawRuns:

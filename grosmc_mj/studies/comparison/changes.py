@@ -127,14 +127,22 @@ def _one_sided(
             by_owner.setdefault((kind, group), []).append(value)
 
     changed = []
-    for (kind, group), members in by_owner.items():
-        name, number, unit = members[0].name, members[0].value, members[0].unit
-        if len(members) > 1:
-            name, number, unit = group, counted(len(members), "value"), ""
-        before, after = (number, None) if gone else (None, number)
-        effect = Effect.NOT_MEASURED if gone else Effect.NEW
-        changed.append(Change(kind, name, before, after, effect, unit))
+    for (kind, group), (first, *others_of_it) in by_owner.items():
+        if others_of_it:
+            number = counted(1 + len(others_of_it), "value")
+            changed.append(one_sided_change(kind, group, number, gone=gone))
+        else:
+            changed.append(one_sided_change(kind, first.name, first.value, first.unit, gone=gone))
     return changed
+
+
+def one_sided_change(
+    kind: str, name: str, value: float | str | None, unit: str = "", *, gone: bool
+) -> Change:
+    """Return the change of what one side has alone: the old one, if it is gone, or the new one."""
+    if gone:
+        return Change(kind, name, value, None, Effect.NOT_MEASURED, unit)
+    return Change(kind, name, None, value, Effect.NEW, unit)
 
 
 def _owner(name: str) -> str:

@@ -14,12 +14,13 @@ from grosmc_mj.output.results.result import KEPT, NOT_KEPT, Answer, ReportTable,
 from grosmc_mj.output.results.tables import numbers, phrases, table, words
 from grosmc_mj.studies.campaign.manifest import leaves
 from grosmc_mj.studies.comparison.campaigns import (
+    KIND,
+    THERE,
     campaign_changes,
     campaign_folders,
     campaign_rows,
-    one_sided_change,
 )
-from grosmc_mj.studies.comparison.changes import Change, Effect, changes
+from grosmc_mj.studies.comparison.changes import Change, Effect, changes, one_sided_change
 
 # Fields of a document that say what it was made from.
 _SOURCES = {"git_revision", "machine", "seed", "versions", "configuration"}
@@ -84,8 +85,8 @@ def compare(old: Path, new: Path) -> ResultComparison:
         compared += compared_in_campaign
     gone = old_campaigns.keys() - pairs.keys()
     added = new_campaigns.keys() - set(pairs.values())
-    listed += [one_sided_change(key, gone=True) for key in gone]
-    listed += [one_sided_change(key, gone=False) for key in added]
+    listed += [one_sided_change(KIND, key, THERE, gone=True) for key in gone]
+    listed += [one_sided_change(KIND, key, THERE, gone=False) for key in added]
 
     if compared == 0:
         for side in (before, after):

@@ -430,7 +430,7 @@ def test_a_plant_has_its_own_limits() -> None:
     np.testing.assert_array_equal(plant.undrawn_model.dof_frictionloss, before)
 
 
-# What cannot be.
+# Refusals.
 
 COULOMB = DriveFriction("shaft", 0.1)
 

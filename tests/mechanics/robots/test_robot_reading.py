@@ -164,7 +164,7 @@ NO_SPLIT = "left out: tendons split"
 def test_all_that_refers_to_a_gripper_is_left_out_with_it(
     parts: str, actuators: str, notes: list[str]
 ) -> None:
-    """What is left is the arm with rigid fingers, to the bit."""
+    """The rest is the arm with rigid fingers, to the bit."""
     robot = Robot.from_mjcf(GRIPPER.format(parts, actuators), joints=["shoulder"])
     bare = Robot.from_mjcf(GRIPPER.format("", ""), joints=["shoulder"])
     assert robot.plant.digest == bare.plant.digest

@@ -54,7 +54,7 @@ def _without_plotly() -> Any:
 
 
 class Reader(HTMLParser):
-    """What a reader sees of a page, in lines, and what could run or lead elsewhere."""
+    """Lines that a reader sees of a page, and addresses and scripts that could lead elsewhere."""
 
     LINKS = ("src", "href", "action", "data", "xlink:href")
     INSIDE = ("#", "data:,", "data:video/mp4;base64,", "data:image/png;base64,")
