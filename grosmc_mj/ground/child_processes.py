@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import faulthandler
+import importlib
 import os
 import resource
 import signal
@@ -124,19 +125,21 @@ def _set_variable(name: str, value: str | None) -> None:
         os.environ[name] = value
 
 
-def call_in_child(function: Callable[..., Any], *arguments: Any, memory: int) -> Any:
+def call_in_child(function: Callable[..., Any], *arguments: Any, memory: int, library: str) -> Any:
     """Call a function in a new interpreter, whose death or hunger does not harm this one.
 
     Args:
         function: Function of a module.
         arguments: Its arguments; they and the result are pickled.
-        memory: Most memory that the process takes beside the one it begins with [bytes].
+        memory: Most memory that the process takes beside its modules [bytes].
+        library: Module that the function imports; how much memory it takes depends on the machine.
 
     Raises:
         BrokenExecutor: If the process dies.
         MemoryError: If it needs more memory.
     """
-    pool = worker_pool(1, {}, _limit_memory, memory)
+    modules = (function.__module__, library)
+    pool = worker_pool(1, {}, _limit_memory, memory, modules)
     try:
         with shielded_from_interrupts():
             future = pool.submit(function, *arguments)
@@ -145,9 +148,11 @@ def call_in_child(function: Callable[..., Any], *arguments: Any, memory: int) ->
         pool.shutdown(kill_workers=True)
 
 
-def _limit_memory(memory: int) -> None:
-    """Limit the memory of this process to so many bytes more than it has; let it die in silence."""
+def _limit_memory(memory: int, modules: tuple[str, ...]) -> None:
+    """Limit the memory of this process beside these modules [bytes]; let it die in silence."""
     faulthandler.disable()
+    for module in modules:
+        importlib.import_module(module)
     pages = int(Path("/proc/self/statm").read_text().split()[0])
     limit = pages * resource.getpagesize() + memory
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))

@@ -29,7 +29,7 @@ def matlab_columns(path: Path) -> dict[str, LogColumn]:
         ArgumentError: If it cannot be read, or is too large.
     """
     try:
-        vectors = call_in_child(_read, path, memory=_MEMORY)
+        vectors = call_in_child(_read, path, memory=_MEMORY, library="scipy.io")
     except BrokenExecutor:
         raise ArgumentError("is damaged: the process that read it died") from None
     except MemoryError:

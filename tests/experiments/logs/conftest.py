@@ -12,8 +12,9 @@ from grosmc_mj.experiments.logs import matlab_file
 
 @pytest.fixture
 def reader_in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    def call(function: Callable[..., Any], *arguments: Any, memory: int) -> Any:
+    def call(function: Callable[..., Any], *arguments: Any, memory: int, library: str) -> Any:
         assert memory > 0
+        assert library
         return function(*arguments)
 
     monkeypatch.setattr(matlab_file, "call_in_child", call)
