@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, one_line
-from grosmc_mj.ground.wording import counted
+from grosmc_mj.ground.wording import counted, spelled
+from grosmc_mj.output.results.result import Value
 from grosmc_mj.studies.campaign.manifest import MANIFEST, read_manifest
-from grosmc_mj.studies.comparison.changes import GONE, Change, Effect, effect_of, one_sided_change
+from grosmc_mj.studies.comparison.changes import GONE, Change, Effect, effect_of, one_sided
 from grosmc_mj.studies.comparison.intervals import (
     ChangeInterval,
     other_plants_mean,
@@ -28,9 +29,8 @@ from grosmc_mj.studies.comparison.intervals import (
 from grosmc_mj.studies.sweep.runs import MARGIN
 from grosmc_mj.studies.sweep.sampled import SampledRuns
 
-# Kind of its changes, and the value of what one side has alone.
+# Kind of its changes.
 KIND = "campaign"
-THERE = "there"
 # Column of the least margin of each run.
 _LEAST_MARGIN = "relative"
 # Plants that are listed by their numbers.
@@ -49,6 +49,7 @@ class CampaignRows:
         plants: Uncertain numbers of each plant, (n, k), by law.
         basis: The sample.
         uncertain: Names of the uncertain numbers, k.
+        units: Units of the columns, by name.
         repeats_on: Machine and versions on which its runs repeat to the bit; None if they draw
             random numbers, or the machine is unknown.
     """
@@ -58,6 +59,7 @@ class CampaignRows:
     plants: Mapping[str, Array]
     basis: SampledRuns
     uncertain: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
     repeats_on: Mapping[str, str] | None = None
 
     @property
@@ -75,7 +77,7 @@ def _title(column: str) -> str:
     """Return the name of a margin for people."""
     if column == _LEAST_MARGIN:
         return "least margin"
-    return column.removeprefix(MARGIN)
+    return spelled(column.removeprefix(MARGIN))
 
 
 def campaign_folders(path: Path) -> dict[str, Path]:
@@ -122,7 +124,23 @@ def _read_rows(folder: Path, manifest: Mapping[str, Any]) -> CampaignRows:
         sampler=str(configuration["sampler"]),
         seed=int(configuration["seed"]),
     )
-    return CampaignRows(folder.name, rows, plants, basis, uncertain, _repeats_on(manifest))
+    return CampaignRows(
+        name=folder.name,
+        rows=rows,
+        plants=plants,
+        basis=basis,
+        uncertain=uncertain,
+        units={name: _unit(table, name) for name in (_LEAST_MARGIN, *margins)},
+        repeats_on=_repeats_on(manifest),
+    )
+
+
+def _unit(table: pa.Table, column: str) -> str:
+    """Return the unit of a margin; the least margin is in parts of its limit."""
+    if column == _LEAST_MARGIN:
+        return "of the limit"
+    metadata = table.schema.field(column).metadata or {}
+    return metadata.get(b"unit", b"").decode()
 
 
 def _repeats_on(manifest: Mapping[str, Any]) -> Mapping[str, str] | None:
@@ -196,6 +214,7 @@ class ComparedNumber(NamedTuple):
         before: Value in the old campaign; None if no run has one.
         after: Value in the new campaign; None if no run has one.
         interval: Interval of the change; None if the runs allow none.
+        unit: Unit of both; empty for a pass rate.
         verdicts: Changed verdicts of a pass rate where runs repeat; None for other numbers.
     """
 
@@ -203,50 +222,63 @@ class ComparedNumber(NamedTuple):
     before: float | None
     after: float | None
     interval: ChangeInterval | None
+    unit: str = ""
     verdicts: ChangedVerdicts | None = None
 
-    def change(self, campaign: str) -> Change:
-        """Return the change, which is noise if its interval contains zero."""
-        name = f"{campaign} {self.name}"
-        before = self.before
-        after = self.after
-        interval = self.interval
-        verdicts = self.verdicts
-        if verdicts is not None:
-            return Change(KIND, name, before, after, verdicts.effect, note=verdicts.words)
-        if after is None:
-            return Change(KIND, name, before, after, Effect.WORSE, note=GONE)
-        if before is None:
-            return Change(KIND, name, before, after, Effect.NEW)
-        if interval is None:
-            return Change(KIND, name, before, after, Effect.CHANGED, note=_NO_INTERVAL)
+    def change(self, subject: str) -> Change:
+        """Return the change, which is noise if its interval contains zero.
 
-        effect = Effect.NOISE
-        if interval.excludes_zero:
-            effect = effect_of(after - before)
-        return Change(KIND, name, before, after, effect, note=interval.words)
+        Args:
+            subject: Words before its name that tell the campaign, with a blank; or none.
+        """
+        effect, note = self._effect()
+        name = subject + self.name
+        return Change(KIND, name, self.before, self.after, effect, self.unit, note)
+
+    def _effect(self) -> tuple[Effect, str]:
+        """Return the effect of the change, and what it was judged by."""
+        if self.verdicts is not None:
+            return self.verdicts.effect, self.verdicts.words
+        if self.after is None:
+            return Effect.WORSE, GONE
+        if self.before is None:
+            return Effect.NEW, ""
+        if self.interval is None:
+            return Effect.CHANGED, _NO_INTERVAL
+        if not self.interval.excludes_zero:
+            return Effect.NOISE, self.interval.words
+        return effect_of(self.after - self.before), self.interval.words
 
 
 def campaign_changes(old: CampaignRows, new: CampaignRows) -> tuple[list[Change], int]:
     """Return the changes of pass rates and mean margins, and how many both campaigns have."""
     before = old.margins
     after = new.margins
-    changes = [
-        one_sided_change(KIND, f"{new.name} {name}", THERE, gone=name in before)
-        for name in before.keys() ^ after.keys()
-    ]
+    # Two names are those of the only pair, and stand above the columns.
+    subject = f"{new.name} " if old.name == new.name else ""
+    there_before = _there(subject, before)
+    there_after = _there(subject, after)
+    changes = one_sided(there_before, there_after, gone=True)
+    changes += one_sided(there_after, there_before, gone=False)
 
     compared = 0
     for name, (law, column) in before.items():
         if name not in after:
             continue
-        for number in _compared_numbers(_law_runs(old, new, law), law, column):
+        runs = _law_runs(old, new, law)
+        for number in _compared_numbers(runs, law, column, new.units.get(column, "")):
             compared += 1
             verdicts = number.verdicts
             changed = verdicts is not None and bool(verdicts.lost or verdicts.won)
             if changed or number.before != number.after:
-                changes.append(number.change(new.name))
+                changes.append(number.change(subject))
     return changes, compared
+
+
+def _there(subject: str, names: Iterable[str]) -> dict[tuple[str, str], Value]:
+    """Return that a campaign has these margins, as values by kind and name."""
+    values = [Value(name=subject + name, value="there") for name in names]
+    return {(KIND, value.name): value for value in values}
 
 
 def _law_runs(old: CampaignRows, new: CampaignRows, law: str) -> LawRuns:
@@ -272,10 +304,16 @@ def _law_runs(old: CampaignRows, new: CampaignRows, law: str) -> LawRuns:
     )
 
 
-def _compared_numbers(runs: LawRuns, law: str, column: str) -> Iterator[ComparedNumber]:
+def _compared_numbers(runs: LawRuns, law: str, column: str, unit: str) -> Iterator[ComparedNumber]:
     """Yield pass rate and mean margin of a requirement under a law.
 
     Before those of the least margin comes the share of runs that complete.
+
+    Args:
+        runs: Runs of the law.
+        law: Name of the law.
+        column: Column of the margin.
+        unit: Unit of the margin.
     """
     before = runs.before[column]
     after = runs.after[column]
@@ -296,12 +334,13 @@ def _compared_numbers(runs: LawRuns, law: str, column: str) -> Iterator[Compared
         comparable = bool(completed_on_both.any())
         if comparable:
             completed_before = completed_after = completed_on_both
-    yield _mean(
+    mean = _mean(
         f"{law}: {title}, mean margin",
         runs._replace(comparable=comparable),
         before[completed_before],
         after[completed_after],
     )
+    yield mean._replace(unit=unit)
 
 
 def _rate(
@@ -314,7 +353,8 @@ def _rate(
     interval = None
     if runs.repeated:
         verdicts = ChangedVerdicts.of(runs.after["id"], before, after)
-        return ComparedNumber(name, float(before.mean()), float(after.mean()), None, verdicts)
+        rates = (float(before.mean()), float(after.mean()))
+        return ComparedNumber(name, *rates, None, verdicts=verdicts)
     if runs.comparable:
         interval_of = same_plants_rate if runs.same_plants else other_plants_rate
         interval = interval_of(before, after)

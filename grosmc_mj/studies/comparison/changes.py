@@ -97,12 +97,12 @@ def changes(old: Sequence[Document], new: Sequence[Document]) -> tuple[list[Chan
         if old_value.value != new_value.value:
             conditions = _conditions(kind, old, new)
             changed.append(_judged(kind, old_value, new_value, conditions))
-    changed += _one_sided(before, after, gone=True)
-    changed += _one_sided(after, before, gone=False)
+    changed += one_sided(before, after, gone=True)
+    changed += one_sided(after, before, gone=False)
     return changed, len(shared)
 
 
-def _one_sided(
+def one_sided(
     values: Mapping[tuple[str, str], Value],
     others: Mapping[tuple[str, str], Value],
     *,

@@ -15,7 +15,6 @@ from grosmc_mj.output.results.tables import numbers, phrases, table, words
 from grosmc_mj.studies.campaign.manifest import leaves
 from grosmc_mj.studies.comparison.campaigns import (
     KIND,
-    THERE,
     campaign_changes,
     campaign_folders,
     campaign_rows,
@@ -24,6 +23,8 @@ from grosmc_mj.studies.comparison.changes import Change, Effect, changes, one_si
 
 # Fields of a document that say what it was made from.
 _SOURCES = {"git_revision", "machine", "seed", "versions", "configuration"}
+# Options of a campaign stand in its copy of the case file, too.
+_IN_FILE = "configuration.file.run."
 _UNJUDGED = (
     "differences cannot be judged: they are of single runs with another random seed, which do not "
     "show the scatter. Compare campaigns of both, or runs with one seed."
@@ -85,8 +86,8 @@ def compare(old: Path, new: Path) -> ResultComparison:
         compared += compared_in_campaign
     gone = old_campaigns.keys() - pairs.keys()
     added = new_campaigns.keys() - set(pairs.values())
-    listed += [one_sided_change(KIND, key, THERE, gone=True) for key in gone]
-    listed += [one_sided_change(KIND, key, THERE, gone=False) for key in added]
+    listed += [one_sided_change(KIND, key, "there", gone=True) for key in gone]
+    listed += [one_sided_change(KIND, key, "there", gone=False) for key in added]
 
     if compared == 0:
         for side in (before, after):
@@ -122,16 +123,26 @@ def _source_differences(old: Sequence[Document], new: Sequence[Document]) -> lis
     after = _sources(new)
     shared_kinds = {kind for kind, _ in before} & {kind for kind, _ in after}
 
+    changed = {
+        (kind, key): (before.get((kind, key)), after.get((kind, key)))
+        for kind, key in before | after
+        if kind in shared_kinds and before.get((kind, key)) != after.get((kind, key))
+    }
     # Several kinds of results may have one difference, such as the machine: it is written once.
     lines: dict[str, None] = {}
-    for kind, key in before | after:
-        old_value = before.get((kind, key))
-        new_value = after.get((kind, key))
-        if kind in shared_kinds and old_value != new_value:
-            name = f"{kind}: {key}" if key.startswith("configuration") else key
-            line = f"{name}: {_source(old_value)} -> {_source(new_value)}"
-            lines[one_line(line)] = None
+    for (kind, key), values in changed.items():
+        if changed.get((kind, _shorter(key))) == values:
+            continue
+        name = f"{kind}: {key}" if key.startswith("configuration") else key
+        lines[one_line(f"{name}: {_source(values[0])} -> {_source(values[1])}")] = None
     return list(lines)
+
+
+def _shorter(key: str) -> str:
+    """Return the other key under which a campaign's manifest has a number, if it has it twice."""
+    if key.startswith(_IN_FILE):
+        return f"configuration.{key.removeprefix(_IN_FILE)}"
+    return key.removeprefix("configuration.") if key.startswith("configuration.") else ""
 
 
 def _sources(documents: Sequence[Document]) -> dict[tuple[str, str], Any]:

@@ -430,14 +430,40 @@ FEWER = replace(CAMPAIGN, rows={"grosmc": {name: COLUMNS[name] for name in ("id"
 OTHER_LAW = replace(CAMPAIGN, rows={"lqr": COLUMNS}, plants={"lqr": PLANTS})
 
 
-@pytest.mark.parametrize(("new", "count"), [(FEWER, 1), (OTHER_LAW, 2)], ids=["margin", "law"])
-def test_a_margin_that_a_campaign_no_longer_has_was_not_measured(
-    new: CampaignRows, count: int
+@pytest.mark.parametrize(
+    ("new", "name", "value"),
+    [(FEWER, "servo grosmc: settles within", "there"), (OTHER_LAW, "servo grosmc", "2 values")],
+    ids=["margin", "law"],
+)
+def test_a_margin_or_a_law_that_a_campaign_no_longer_has_was_not_measured(
+    new: CampaignRows, name: str, value: str
 ) -> None:
+    """A law is one change, however many margins it has."""
     changes, _ = campaign_changes(CAMPAIGN, new)
-    gone = [change for change in changes if change.effect is Effect.NOT_MEASURED]
-    assert [change.after for change in gone] == [None] * count
+    (gone,) = [change for change in changes if change.effect is Effect.NOT_MEASURED]
+    assert (gone.name, gone.before, gone.after) == (name, value, None)
     assert not [change for change in changes if change.effect is WORSE]
+
+
+def test_folders_of_two_names_stand_above_the_columns_alone() -> None:
+    """The law of one campaign is not said to be of the other one."""
+    changes, _ = campaign_changes(CAMPAIGN, replace(OTHER_LAW, name="later"))
+    assert {change.name for change in changes} == {"grosmc", "lqr"}
+
+
+def test_an_option_that_a_manifest_has_twice_is_one_line(tmp_path: Path) -> None:
+    sides: list[Path] = []
+    for name, number in (("old", 1), ("new", 2)):
+        options = {"seed": number, "duration": number, "file": {"run": {"duration": number}}}
+        document = {**run_document(seed=number), "configuration": options}
+        sides.append(written(tmp_path / name, document))
+    assert compare(*sides).sources == ["seed: 1 -> 2", "run: configuration.duration: 1 -> 2"]
+
+
+def test_margins_of_a_campaign_have_their_units(folder: Path) -> None:
+    units = campaign_rows(folder).units
+    assert units["relative"] == "of the limit"
+    assert "rad" in units.values()
 
 
 def test_a_margin_that_only_the_new_campaign_has_is_new() -> None:
@@ -446,8 +472,8 @@ def test_a_margin_that_only_the_new_campaign_has_is_new() -> None:
 
 
 MARGINS = np.linspace(0.1, 1, RUNS)
-PASS_RATES = ("runs completed", "least margin, pass rate", "settles_within, pass rate")
-MEAN_MARGINS = ("least margin, mean margin", "settles_within, mean margin")
+PASS_RATES = ("runs completed", "least margin, pass rate", "settles within, pass rate")
+MEAN_MARGINS = ("least margin, mean margin", "settles within, mean margin")
 
 
 def changes_by_early_ends(runs: int) -> dict[str, Change]:
