@@ -95,7 +95,7 @@ def test_a_band_that_is_reached_late_says_how_long_the_optimum_takes() -> None:
     heavier = {"body": "rotor", "mass_scale": 2}
     judgement = judged_on_settling("corrected", requirement={"settles_within": "1 s"}, edit=heavier)
     assert (judgement.measured or 0) > settled(0.02) + 0.5
-    assert judgement.note == f"its nominal optimum itself: takes {settled(0.02):.3g} s"
+    assert judgement.note == f"its nominal optimum takes {settled(0.02):.3g} s"
 
 
 def test_a_band_that_is_never_reached_says_so_of_the_optimum_too() -> None:
@@ -104,7 +104,7 @@ def test_a_band_that_is_never_reached_says_so_of_the_optimum_too() -> None:
     settles = {"settles_within": "1 s", "band": "1e-6 rad"}
     judgement = judged_on_settling("physics", run=short, requirement=settles)
     assert judgement.measured is None
-    assert judgement.note == "not reached; its nominal optimum itself: not reached"
+    assert judgement.note == "not reached; its nominal optimum does not settle either"
 
 
 # Machines whose outputs are held, and those whose outputs follow a reference.

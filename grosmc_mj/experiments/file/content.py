@@ -168,7 +168,7 @@ def read_text(path: Path) -> str:
         return path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is no text in UTF-8"
-        raise ArgumentError(f"{path}: cannot be read: {reason}") from error
+        raise ArgumentError(f"{path} cannot be read: {reason}") from error
 
 
 def merged(base: Content, content: Content) -> Content:

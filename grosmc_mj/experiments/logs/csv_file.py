@@ -145,7 +145,7 @@ def _layout(content: bytearray) -> _Layout:
         separators = match[1]
         del rows[0]
     if not rows:
-        raise ArgumentError("has no rows: log some seconds")
+        raise ArgumentError("it has no rows: log some seconds")
 
     header = lines[rows[0]]
     if re.match(NUMBER, re.split(r"[,;\s]", header)[0]):
@@ -155,7 +155,7 @@ def _layout(content: bytearray) -> _Layout:
     else:
         del rows[0]
     if not rows:
-        raise ArgumentError("has no rows below its header: log some seconds")
+        raise ArgumentError("it has no rows below its header: log some seconds")
 
     # A comma may also be one of decimals.
     first = lines[rows[0]]
@@ -165,7 +165,7 @@ def _layout(content: bytearray) -> _Layout:
     require_few_columns(len(headers))
     if len(headers) < 2:
         raise ArgumentError(
-            "has no header of two columns or more: begin it with their names, such as "
+            "it has no header of two columns or more: begin it with their names, such as "
             "'time [s],current [A]', separated by commas, semicolons or tabs"
         )
     if len(fields) < len(headers) or any(fields[len(headers) :]):
@@ -182,7 +182,7 @@ def _encoding(content: bytearray) -> str:
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
     if b"\0" in content:
-        raise ArgumentError("is no text: export the log as CSV")
+        raise ArgumentError("it is no text: export the log as CSV")
 
     # All of it: a single letter of another encoding may stand in its last line.
     decoder = codecs.getincrementaldecoder("utf-8")()

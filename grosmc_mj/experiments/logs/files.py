@@ -38,7 +38,7 @@ def columns_of(path: Path) -> dict[str, LogColumn]:
     _require_there(path, allowed)
     endings = [ending for ending in _READERS if path.name.lower().endswith(ending)]
     if not endings:
-        raise ArgumentError(f"is no log: {allowed}")
+        raise ArgumentError(f"it is no log: {allowed}")
     reader = _READERS[endings[0]]
 
     try:
@@ -48,12 +48,12 @@ def columns_of(path: Path) -> dict[str, LogColumn]:
     # Damaged files make the readers of each kind fail in ways of their own.
     except Exception as error:
         reason = one_line(str(error))[:_QUOTED] or type(error).__name__
-        raise ArgumentError(f"cannot be read: {reason}") from None
+        raise ArgumentError(f"it cannot be read: {reason}") from None
 
     rows = max((len(column.values) for column in columns.values()), default=0)
     if rows < _FEWEST:
         raise ArgumentError(
-            f"has {rows} rows of numbers; {_FEWEST} or more are needed: log some seconds"
+            f"it has {rows} rows of numbers; {_FEWEST} or more are needed: log some seconds"
         )
     return columns
 
@@ -70,9 +70,9 @@ def _require_there(path: Path, allowed: str) -> None:
         raise ArgumentError(f"there is no such file: {allowed}") from None
     # A link to itself, a folder that may not be entered, a name that is too long.
     except OSError as error:
-        raise ArgumentError(f"cannot be read: {error.strerror}: {allowed}") from None
+        raise ArgumentError(f"it cannot be read: {error.strerror}: {allowed}") from None
     if not path.is_file():
-        raise ArgumentError(f"is a folder, a pipe, a socket or a device: {allowed}")
+        raise ArgumentError(f"it is a folder, a pipe, a socket or a device: {allowed}")
     require_regular(path, LARGEST_TABLE)
 
 

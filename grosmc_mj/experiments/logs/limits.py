@@ -17,7 +17,7 @@ def too_large(size: int | None) -> ArgumentError:
     """
     has = "more than" if size is None else f"{size >> 20} MB, more than"
     return ArgumentError(
-        f"holds {has} the {LARGEST_LOG >> 20} MB that are read: cut it, or keep fewer columns"
+        f"it holds {has} the {LARGEST_LOG >> 20} MB that are read: cut it, or keep fewer columns"
     )
 
 
@@ -29,6 +29,6 @@ def require_few_columns(columns: int) -> None:
     """
     if columns > MOST_COLUMNS:
         raise ArgumentError(
-            f"has {columns} columns or more, and {MOST_COLUMNS} are read: keep the signals of the "
-            "machine"
+            f"it has {columns} columns or more, and {MOST_COLUMNS} are read: keep the signals of "
+            "the machine"
         )

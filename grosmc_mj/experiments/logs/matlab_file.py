@@ -31,7 +31,7 @@ def matlab_columns(path: Path) -> dict[str, LogColumn]:
     try:
         vectors = call_in_child(_read, path, memory=_MEMORY, library="scipy.io")
     except BrokenExecutor:
-        raise ArgumentError("is damaged: the process that read it died") from None
+        raise ArgumentError("it is damaged: the process that read it died") from None
     except MemoryError:
         raise too_large(None) from None
 
@@ -55,7 +55,7 @@ def _read(path: Path) -> dict[str, NDArray[Any]]:
     try:
         content = loadmat(path, struct_as_record=False, squeeze_me=True)
     except NotImplementedError:
-        raise ArgumentError("is of MATLAB 7.3: save it with save(..., '-v7')") from None
+        raise ArgumentError("it is of MATLAB 7.3: save it with save(..., '-v7')") from None
 
     vectors = {}
     size = 0

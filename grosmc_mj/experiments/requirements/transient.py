@@ -97,14 +97,13 @@ class SettlesWithin(Requirement):
         return settling(math.inf if settled is None else settled)
 
     def note(self, run: MeasuredRun, *, kept: bool) -> str:
-        """Say of a simulation that is late how long its nominal optimum itself takes."""
+        """Say of a simulation that is late how long its nominal optimum takes."""
         if kept or not run.simulated or not _has_nominal_error(run.controller):
             return ""
         settled = self.of_optimum(run)
-        words = settled.note
-        if settled.value is not None:
-            words = f"takes {settled.value:.3g} s"
-        return f"its nominal optimum itself: {words}"
+        if settled.value is None:
+            return "its nominal optimum does not settle either"
+        return f"its nominal optimum takes {settled.value:.3g} s"
 
     def order_share(
         self, share: Array, metrics: Mapping[str, Array], transient: Array, start: float

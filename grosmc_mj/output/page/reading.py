@@ -236,9 +236,9 @@ def _reason(error: Exception) -> str:
         place = RefusedPlace(".".join(map(str, mistake["loc"])), "key", ())
         reason = line_of(mistake, place)
     elif isinstance(error, UnicodeDecodeError | json.JSONDecodeError):
-        reason = "is no whole JSON"
+        reason = "it is no whole JSON"
     elif isinstance(error, RecursionError):
-        reason = "is nested too deeply"
+        reason = "it is nested too deeply"
     else:
         reason = str(error) or type(error).__name__
     return one_line(reason)[:_LONGEST_REASON]

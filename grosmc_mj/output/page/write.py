@@ -258,7 +258,7 @@ def _films(
             notices.append(f"{_text(file)}: {error.strerror}")
             continue
         if hashlib.sha256(content).hexdigest() != film.sha256:
-            notices.append(f"{_text(file)}: is not the film that the document beside it is of")
+            notices.append(f"{_text(file)} is not the film that the document beside it is of")
             continue
         poster = file.with_suffix(".png")
         picture = poster.read_bytes() if poster.is_file() else b""

@@ -81,7 +81,7 @@ def test_the_content_of_a_compressed_file_is_bounded(
     monkeypatch.setattr(csv_file, "LARGEST_LOG", 1 << 20)
     path = tmp_path / "log.csv.gz"
     path.write_bytes(gzip.compress(csv_text().encode() + b"\n" * (1 << 20)))
-    with pytest.raises(ArgumentError, match=r"log\.csv\.gz: holds more than the \d+ MB that are"):
+    with pytest.raises(ArgumentError, match=r"log\.csv\.gz: it holds more than the \d+ MB that are"):
         read_log(path, SERVO, None)
 
 
@@ -209,7 +209,7 @@ def test_a_matlab_file_that_ends_its_reader_is_one_line(tmp_path: Path) -> None:
     assert content[place] == full
     content[place] = sparse
     path.write_bytes(content)
-    with pytest.raises(ArgumentError, match=r"log\.mat: is damaged: the process that read it died"):
+    with pytest.raises(ArgumentError, match=r"log\.mat: it is damaged: the process that read it died"):
         read_log(path, SERVO, None)
 
 
@@ -221,18 +221,18 @@ def test_a_matlab_file_is_read_within_a_bound_of_memory(
     path = tmp_path / "log.mat"
     savemat(path, {"t": np.zeros(200_000_000, np.uint8)}, do_compression=True)
     assert path.stat().st_size < 1 << 20
-    with pytest.raises(ArgumentError, match=r"log\.mat: holds more than the 1024 MB"):
+    with pytest.raises(ArgumentError, match=r"log\.mat: it holds more than the 1024 MB"):
         read_log(path, SERVO, None)
 
 
 REPEATED = {
     "a megabyte of equal numbers": (
         {name: np.zeros(100_000) for name in ("time", "current", "rotor angle")},
-        r"log\.parquet: holds 2 MB, more than the 1024 MB",
+        r"log\.parquet: it holds 2 MB, more than the 1024 MB",
     ),
     "long texts": (
         {"time": np.arange(5000), "note": ["x" * 1000] * 5000},
-        r"log\.parquet: holds more than the 1024 MB",
+        r"log\.parquet: it holds more than the 1024 MB",
     ),
 }
 
@@ -260,7 +260,7 @@ def test_a_chunk_of_a_bag_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyP
         writer.add_message(channel, 0, b'"' + b" " * (4 << 20) + b'"', 0)
         writer.finish()
     assert path.stat().st_size < 100_000
-    with pytest.raises(ArgumentError, match=r"log\.mcap: holds 4 MB, more than the 1024 MB"):
+    with pytest.raises(ArgumentError, match=r"log\.mcap: it holds 4 MB, more than the 1024 MB"):
         read_log(path, SERVO, None)
 
 
