@@ -11,37 +11,28 @@ from grosmc_mj.output.results.verdicts import Verdict, first_failed
 from grosmc_mj.studies.ladder.answer import CLAIMS
 from grosmc_mj.studies.ladder.climb import climbs
 
-# Of a rival on a machine.
-_QUICK = ", as quick as the actuator allows"
-# Laws for people, by the names that they have in the ladders: of the adaptive gain where a rival
-# has its name, and elsewhere.
-_LAWS: Mapping[str, Sequence[str]] = {
-    "LQR": ("lqr",),
-    f"LQI{_QUICK}": ("lqi, quick",),
-    f"PID{_QUICK}": ("fl-pid, quick",),
-    "ADRC": ("adrc",),
-    f"ADRC{_QUICK}": ("adrc, quick",),
-    "GROSMC, sign function": ("sign",),
-    "GROSMC, boundary layer": ("boundary-layer",),
-    "GROSMC, implicit": ("implicit",),
-    "GROSMC, implicit with estimate": ("implicit-estimate",),
-    "GROSMC, super-twisting": ("super-twisting",),
-    "GROSMC, adaptive gain": ("grosmc adaptive", "adaptive"),
-}
+# Ending of the name of a rival that is as quick as the actuator allows.
+_QUICK = ", quick"
+# Names of the laws in the order of the rows.
+_LAWS = (
+    "lqr",
+    "lqi, quick",
+    "fl-pid, quick",
+    "adrc",
+    "adrc, quick",
+    "sign",
+    "boundary-layer",
+    "implicit",
+    "implicit-estimate",
+    "super-twisting",
+    "grosmc adaptive",
+)
 # Those of the first page.
-_FEW = ("LQR", "ADRC", "GROSMC, sign function", "GROSMC, implicit", "GROSMC, adaptive gain")
-# Laws with tuned numbers, which are as quick as they were tuned to be.
-_TUNED: Mapping[str, Sequence[str]] = {
-    "LQR": ("lqr",),
-    f"LQI{_QUICK}": ("lqi",),
-    f"PID{_QUICK}": ("fl-pid",),
-    "ADRC": ("adrc",),
-    "GROSMC, sign function": ("sign",),
-    "GROSMC, boundary layer": ("boundary-layer",),
-    "GROSMC, implicit": ("implicit",),
-    "GROSMC, super-twisting": ("super-twisting",),
-    "GROSMC, adaptive gain": ("grosmc adaptive", "adaptive"),
-}
+_FEW = ("lqr", "adrc", "sign", "implicit", "grosmc adaptive")
+# Other name of a law where no rival has that one.
+_ALONE = {"grosmc adaptive": "adaptive"}
+# Laws that have tuned numbers under their name, which are as quick as they were tuned to be.
+_NOT_TUNED = frozenset({"adrc, quick", "implicit-estimate"})
 # Case of the laws with tuned numbers.
 _TUNED_CASE = "tuned"
 _SYSTEMS = {
@@ -59,7 +50,7 @@ def few_failures_text(documents: Sequence[Mapping[str, Any]]) -> str:
 
 def failures_text(documents: Sequence[Mapping[str, Any]]) -> str:
     """Return the first rung on which each law fails, on each machine, for ``docs/ladder.md``."""
-    return _failures_text(documents, list(_LAWS))
+    return _failures_text(documents, _LAWS)
 
 
 def _failures_text(documents: Sequence[Mapping[str, Any]], laws: Sequence[str]) -> str:
@@ -74,35 +65,37 @@ def _failures_text(documents: Sequence[Mapping[str, Any]], laws: Sequence[str]) 
     systems = [system for system in _SYSTEMS if system in in_file or system in tuned]
     rows = []
     for law in laws:
-        cells = [_first_failure(in_file.get(system), _LAWS[law]) for system in systems]
+        cells = [_first_failure(in_file.get(system), law) for system in systems]
         if any(cells):
             rows.append([law, *cells])
-        cells = [_first_failure(tuned.get(system), _TUNED.get(law, ())) for system in systems]
+        if law in _NOT_TUNED:
+            continue
+        name = law.removesuffix(_QUICK)
+        cells = [_first_failure(tuned.get(system), name) for system in systems]
         if any(cells):
             # Where no numbers were found there is no such case.
-            rows.append([f"{law.removesuffix(_QUICK)}, tuned", *(cell or "-" for cell in cells)])
+            rows.append([f"{name}, tuned", *(cell or "-" for cell in cells)])
     columns = words("law", *(_SYSTEMS[system] for system in systems))
     return "\n".join(table("", columns, rows).markdown())
 
 
-def _first_failure(document: Mapping[str, Any] | None, names: Sequence[str]) -> str:
+def _first_failure(document: Mapping[str, Any] | None, law: str) -> str:
     """The first rung on which a law fails, with the draws that keep it; empty without the law."""
     if document is None:
         return ""
     rows = [Verdict.model_validate(row) for row in document["verdicts"]]
     climbed = climbs(rows, document["conditions"][0]["name"])
-    for name in names:
-        if name not in climbed:
-            continue
-        rungs = climbed[name]
-        failed = first_failed(rungs)
-        if failed is None:
-            return "kept?" if any(row.turned_by for row in rungs) else "kept"
-        words_of_failure = failed.step
-        if failed.partly:
-            words_of_failure += f" ({failed.kept_draws} of {failed.draws})"
-        return f"{words_of_failure}?" if failed.turned_by else words_of_failure
-    return ""
+    rungs = climbed.get(law) or climbed.get(_ALONE.get(law, ""))
+    if rungs is None:
+        return ""
+
+    failed = first_failed(rungs)
+    if failed is None:
+        return "kept?" if any(row.turned_by for row in rungs) else "kept"
+    words_of_failure = failed.step
+    if failed.partly:
+        words_of_failure += f" ({failed.kept_draws} of {failed.draws})"
+    return f"{words_of_failure}?" if failed.turned_by else words_of_failure
 
 
 def ladders_text(documents: Iterable[Mapping[str, Any]]) -> str:

@@ -179,8 +179,8 @@ def test_a_law_has_a_second_row_with_tuned_numbers() -> None:
         for target, share in [("servo/machine", 2.0), ("servo/tuned", 0.5), ("arm/machine", 3.0)]
     ]
     assert pages.few_failures_text(documents).splitlines()[2:] == [
-        "| LQR | friction | friction |",
-        "| LQR, tuned | kept | - |",
+        "| lqr | friction | friction |",
+        "| lqr, tuned | kept | - |",
     ]
 
 
@@ -193,4 +193,4 @@ def test_an_assumed_number_that_turns_a_verdict_is_a_question_mark(
         "conditions": [{"name": "nominal"}],
         "verdicts": [row("friction", share, turned_by=("computing: jitter",)).model_dump()],
     }
-    assert pages.few_failures_text([document]).splitlines()[2:] == [f"| LQR | {words} |"]
+    assert pages.few_failures_text([document]).splitlines()[2:] == [f"| lqr | {words} |"]
