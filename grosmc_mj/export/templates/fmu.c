@@ -10,6 +10,10 @@ enum { SETTABLE = {{ variables | length - law.system.inputs | length }}, VARIABL
 /* The law is sampled at the begin of each control period [s], and its output is held. */
 static const fmi2Real period = {{ law.period }};
 
+/* Inputs, parameters and outputs before anything is set. */
+static const {{ law.real }} start[VARIABLES] = {
+        {{ variables | map(attribute="start") | join(", ") }}};
+
 struct instance {
     const fmi2CallbackFunctions *functions;
     fmi2Real begin; /* time at which the simulation begins [s] */
@@ -38,8 +42,6 @@ static int sample(struct instance *me)
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
         const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean logs)
 {
-    static const {{ law.real }} start[VARIABLES] = {
-            {{ variables | map(attribute="start") | join(", ") }}};
     (void)name, (void)resources, (void)visible, (void)logs;
     if (type != fmi2CoSimulation || strcmp(guid, "{{ guid }}") != 0) {
         return NULL;
@@ -76,9 +78,11 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component c)
     return fmi2OK;
 }
 
+/* It is as it was made; its next initialization begins the memory. */
 fmi2Status fmi2Reset(fmi2Component c)
 {
-    begin_run(c);
+    struct instance *me = c;
+    memcpy(me->value, start, sizeof start);
     return fmi2OK;
 }
 
