@@ -96,6 +96,32 @@ def test_an_fmu_ends_where_an_input_is_not_finite(alone: tuple[LawInC, Path]) ->
         outputs(law, unpacked, {"rotor speed": np.full(SAMPLES, np.nan)}, law.period)
 
 
+def test_after_a_reset_an_fmu_is_as_it_was_made(alone: tuple[LawInC, Path]) -> None:
+    """Its memory begins anew, and its inputs are their start values of zero."""
+    law, unpacked = alone
+    about = fmpy.read_model_description(str(unpacked))
+    angle, _, current = [variable.valueReference for variable in about.modelVariables]
+    fmu = fmpy.fmi2.FMU2Slave(
+        guid=about.guid, unzipDirectory=str(unpacked), modelIdentifier=law.name
+    )
+
+    def third_output(*inputs: int) -> float:
+        fmu.setupExperiment(startTime=0.0)
+        fmu.exitInitializationMode()
+        fmu.setReal(inputs, [0.5] * len(inputs))
+        for k in range(3):
+            fmu.doStep(k * law.period, law.period)
+        return fmu.getReal([current])[0]
+
+    fmu.instantiate()
+    first = third_output()
+    fmu.reset()
+    assert third_output(angle) != first
+    fmu.reset()
+    assert third_output() == first
+    fmu.freeInstance()
+
+
 def test_an_fmu_of_a_loop_reads_what_sensors_measure(tmp_path: Path) -> None:
     _, law = law_in("unsettled", predict=True)
     y = np.linspace(0.0, 0.1, SAMPLES)

@@ -287,6 +287,12 @@ def test_equations_are_disturbed_at_an_input_and_at_a_rate(engine: Any) -> None:
     np.testing.assert_allclose(run.state, np.c_[t**2 + 3 * t, 2 * t], rtol=1e-12, atol=1e-15)
 
 
+def test_columns_of_a_wrench_have_the_units_of_forces_and_torques() -> None:
+    schema = run_servo(Disturbance("rotor", PUSH)).to_arrow().schema
+    assert schema.field("force x on rotor").metadata[b"unit"] == b"N"
+    assert schema.field("torque z on rotor").metadata[b"unit"] == b"N m"
+
+
 def test_disturbances_of_equations_are_kept_in_a_file(tmp_path: Path) -> None:
     run = disturbed_cart("native")
     loaded = gm.load_trajectory(run.save(tmp_path / "run.parquet"))

@@ -220,6 +220,33 @@ def test_a_change_of_a_plant_of_ones_own_is_matched_where_its_input_acts(
     assert [line.partition(":")[0] for line in not_matched] == [change] * (not matched)
 
 
+HELD = """
+import sympy as sp
+import grosmc_mj as gm
+a, b, k = sp.symbols("a b k")
+def held():
+    return gm.affine_plant(
+        "held", states={"a": "m", "b": "m"}, inputs={"u": "m/s"}, f=[-2 * a, -b], g=[k, 1],
+        h=[b], parameters={"k": 1},
+    )
+"""
+
+
+def test_the_input_that_holds_a_plant_acts_once_in_what_is_unmatched(tmp_path: Path) -> None:
+    """By hand: u = 2 m/s acts along (1.5, 1) for (1, 1); of (1, 0) m/s 0.46 m/s are beside it."""
+    (tmp_path / "own.py").write_text(HELD, encoding="utf-8")
+    experiment = case(
+        "own:held",
+        folder=tmp_path,
+        plant={"at": {"b": "2 m"}},
+        run=PYTHON,
+        task={"Q": [1, 1], "R": 1e6},
+        edit={"parameter": "k", "scale": 1.5},
+    )
+    _, (line,) = idle_and_unmatched(experiment)
+    assert "(up to 0.46" in line
+
+
 UNMATCHED = "the load on pole is unmatched for cart-ism: no switching term rejects it"
 
 

@@ -92,6 +92,12 @@ def test_without_uncertainty_of_the_pole_the_force_is_f_plus_eta_over_E() -> Non
     assert force_needed(5.0, x, 2.0, p) == pytest.approx(0.3 + 0.35)
 
 
+def test_the_family_of_the_shaped_law_is_told_in_words() -> None:
+    uncertainty = StateUncertainty(mass=2.0, length=3.0, force=0.5)
+    declared = holding_pfl(NOMINAL, uncertainty).designed.declared
+    assert declared == "m up to x2, L up to x3, forces up to 0.5 N on the cart"
+
+
 def test_the_shaped_angle_cannot_overshoot() -> None:
     K = holding_pfl(NOMINAL).designed.lqr.K[0]
     assert K[3] ** 2 >= 4 * K[1]

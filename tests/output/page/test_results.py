@@ -308,8 +308,13 @@ def test_a_mark_at_zero_is_left_out_of_a_logarithmic_axis(first: float, marks: l
 
 @pytest.mark.parametrize(
     ("y", "scale"),
-    [([1.0, 11.0], "log"), ([1.0, 9.0], "linear"), ([-90.0, 180.0], "linear")],
-    ids=["more than a decade", "less", "a phase"],
+    [
+        ([1.0, 11.0], "log"),
+        ([1.0, 9.0], "linear"),
+        ([0.0, 11.0], "linear"),
+        ([-90.0, 180.0], "linear"),
+    ],
+    ids=["more than a decade", "less", "zero", "a phase"],
 )
 def test_a_figure_and_the_page_have_one_scale(y: list[float], scale: str) -> None:
     chart = lines(Series(name="J", x=[1.0, 2.0], y=y))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 import subprocess
@@ -61,16 +62,20 @@ def pendulum(**changes: Any) -> Run:
     return run | changes
 
 
-def machine() -> Run:
-    """A machine of two inputs with flexible joints, a stop, a load and friction."""
-    plant = MujocoPlant.load("two_link_arm", edits=BUILT)
-    return {"plant": plant, "controller": held((1.0, -0.5)), "x0": [0.1, 0.2, 0.0, 0.0]}
+def machine(*disturbances: Disturbance) -> Run:
+    """A machine of two inputs with a flexible joint, a stop and friction."""
+    return {
+        "plant": MujocoPlant.load("two_link_arm", edits=BUILT),
+        "controller": held((1.0, -0.5)),
+        "x0": [0.1, 0.2, 0.0, 0.0],
+        "disturbances": disturbances,
+    }
 
 
 def sampled() -> Run:
-    """Samples every 5 ms under a disturbance of the input and one of a measured state."""
+    """Samples every 5 ms under a function of time at the input, and a disturbed measurement."""
     disturbances = (
-        InputDisturbance("force", 2.0, Pulse(0.05, 0.3)),
+        InputDisturbance("force", 2.0, math.sin),
         OutputDisturbance("pole angle", 0.01, Table((1.0, -1.0), 7e-3, periodic=True)),
     )
     return pendulum(control_period=5e-3, disturbances=disturbances)
@@ -158,17 +163,18 @@ def test_pictures_are_the_recorded_run_bit_by_bit(
 def test_a_pull_of_the_mouse_is_a_disturbance_beside_the_case_s_own(
     watch: Callable[..., FakeWindow],
 ) -> None:
+    """Of the lower link, beside the world, which is fixed, and a motor's body, which is hidden."""
     pull = (1.0, 0.0, -0.5, 0.0, 2.0, 0.0)
+    push = Disturbance("upper", (0, 0, 0, 0, 0.5, 0), Pulse(0.05, 0.35))
 
     def mouse(window: FakeWindow) -> None:
-        """Pull the pole from the tenth to the twentieth picture, and the world, which is fixed."""
         pulling = 10 <= len(window.states) < 20
-        window.data.body("pole").xfrc_applied[:] = np.array(pull) * pulling
+        window.data.body("lower").xfrc_applied[:] = np.array(pull) * pulling
         window.data.body("world").xfrc_applied[:] = 1.0
 
-    window = watch(pendulum(), 30, mouse)
+    window = watch(machine(push), 30, mouse)
     pulse = Pulse(window.states[9][0], window.states[19][0])
-    both = pendulum(disturbances=(PUSH, Disturbance("pole", pull, pulse)))
+    both = machine(push, Disturbance("lower", pull, pulse))
     np.testing.assert_array_equal(window.states, recorded(both, window))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from scipy.linalg import solve_continuous_are
-from shipped import error_of, nominal, robust, uncertainty_of, weights_of
+from shipped import error_of, nominal, robust, task_of, uncertainty_of, weights_of
 
 import grosmc_mj as gm
 from grosmc_mj.experiments.assumptions.balance import Loads, balance
@@ -20,7 +20,12 @@ from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import GainError
 from grosmc_mj.theory.control.controller import Controller, gain_keys
 from grosmc_mj.theory.control.coordinates.symbolic import ErrorCoordinates
-from grosmc_mj.theory.control.design import linear_lqr, regulating_grosmc, state_grosmc
+from grosmc_mj.theory.control.design import (
+    linear_grosmc,
+    linear_lqr,
+    regulating_grosmc,
+    state_grosmc,
+)
 from grosmc_mj.theory.control.memory import SurfaceMemory
 from grosmc_mj.theory.control.references import Setpoint, Setpoints, setpoint, setpoints
 from grosmc_mj.theory.control.task import Task, state_task
@@ -203,6 +208,27 @@ def test_family_that_reverses_or_loses_the_input_is_refused(scale: float) -> Non
     message = r"servo: the input gain of a declared plant, Kt x[0-9.]+, is .* at z ="
     with pytest.raises(GainError, match=message):
         gains_of(error, declared)
+
+
+def test_a_family_of_outputs_is_told_in_words_with_its_least_input_gain() -> None:
+    """The inertia of the servo is up to three times as large, so its input gain down to a third."""
+    family = replace(uncertainty_of("servo"), region=(1.5, 2.5), reaching_rate=0.25)
+    assert linear_grosmc(task_of("servo"), family).designed.declared == (
+        "J x1 to x3; wrench up to 1 N or N m; |z1| <= 1.5, |z2| <= 2.5; reaching rate 0.25; "
+        "input gain down to 0.333 of the nominal one"
+    )
+
+
+def test_a_family_of_states_is_told_in_words_with_its_slowest_pole() -> None:
+    """A mass acts where the input does, so each member slides as the nominal loop."""
+    law = state_grosmc(hung_at(0.8), StateUncertainty(scales={"m": (1.0, 1.5)}, force=0.3))
+    lqr = law.designed.lqr
+    slowest = np.linalg.eigvals(lqr.A - lqr.B @ lqr.K).real.max()
+    assert law.designed.declared == (
+        "m x1 to x1.5, disturbances of the input up to 0.3 N m; input gain down to 0.667 of the "
+        "nominal one; 0.0% of what the family changes is out of the input's reach, "
+        f"slowest sliding pole {slowest:.3g} 1/s"
+    )
 
 
 # Several inputs
