@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import astuple
+from dataclasses import astuple, replace
 
 from grosmc_mj.experiments.assumptions.growth import growth
-from grosmc_mj.ground.wording import unit_after
+from grosmc_mj.ground.wording import titled, unit_after
 from grosmc_mj.output.results.result import (
     MEASURED,
     OPEN,
@@ -24,6 +24,7 @@ from grosmc_mj.output.results.verdicts import Verdict, standings, values_of
 from grosmc_mj.studies.margins.changes import DELAY, GAIN_DOWN, GAIN_UP, milliseconds
 from grosmc_mj.studies.margins.chatter import Chatter
 from grosmc_mj.studies.margins.figure import charts, in_figures
+from grosmc_mj.studies.margins.frequency_response import Margins
 from grosmc_mj.studies.margins.margins import MarginStudy, Setup
 from grosmc_mj.studies.margins.row import LEVELS, SEED, LawMargins, shared_level, together
 from grosmc_mj.studies.margins.task import AS_IS
@@ -250,17 +251,16 @@ def _task_table(setup: Setup, rows: Sequence[LawMargins]) -> Table:
     cells = []
     for row in rows:
         of_task = [*row.changes, *row.refused]
-        cells += [
-            [row.law, verdict.condition, verdict.step, verdict.text, verdict.words]
-            for verdict in of_task
-        ]
+        for verdict in of_task:
+            change = titled(verdict.step, "ms") if verdict.step == DELAY else verdict.step
+            cells.append([row.law, verdict.condition, change, verdict.text, verdict.words])
     columns = words("law", "under", "change", "kept up to", "then breaks")
     return table(f"{setup.name}: the task under each condition", columns, cells, grouped=True)
 
 
 def _level_table(setup: Setup, rows: Sequence[LawMargins]) -> Table:
     """Return the margins by S at every place and amplitude."""
-    quantities = ("gain down", "gain up", "phase [°]", "delay [s]", "modulus", "disk")
+    quantities = ("gain down", "gain up", "phase [°]", "delay [ms]", "modulus", "disk")
     columns = [
         *words("law", "injected at"),
         *numbers("rms", *quantities, "crossover [Hz]", "bandwidth [Hz]"),
@@ -269,11 +269,17 @@ def _level_table(setup: Setup, rows: Sequence[LawMargins]) -> Table:
     cells = []
     for row in rows:
         for level in row.levels:
-            pairs = zip(astuple(level.margins), astuple(level.errors), strict=True)
-            values = [_with_error(*pair) for pair in pairs]
+            margins = astuple(_in_milliseconds(level.margins))
+            errors = astuple(_in_milliseconds(level.errors))
+            values = [_with_error(*pair) for pair in zip(margins, errors, strict=True)]
             rms = f"{number(level.rms)}{unit_after(level.unit)}"
             cells.append([row.law, level.place, rms, *values, level.doubt])
     return table(f"{setup.name}: S at each amplitude", columns, cells, grouped=True)
+
+
+def _in_milliseconds(margins: Margins) -> Margins:
+    """Return margins, or their errors, with the delay [ms] in place of [s]."""
+    return replace(margins, delay=1e3 * margins.delay)
 
 
 # -- document --------------------------------------------------------------------------------------

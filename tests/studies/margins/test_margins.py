@@ -258,13 +258,19 @@ def test_the_table_of_amplitudes_has_each_margin_under_its_name() -> None:
         "gain down": "0.25",
         "gain up": "4.5±0.3",
         "phase [°]": "61.5±0.4",
-        "delay [s]": "0.0125±0.0005",
+        "delay [ms]": "12.5±0.5",
         "modulus": "0.75",
         "disk": "0.625",
         "crossover [Hz]": "3.25",
         "bandwidth [Hz]": "1.75",
         "not trustworthy, because": "",
     }
+
+
+def test_a_delay_of_the_task_is_in_milliseconds_and_a_gain_a_pure_number() -> None:
+    task = [Verdict(law="lqr", step=step, text="2.5") for step in (DELAY, GAIN_UP)]
+    table = answers._task_table(servo().setups[1], [row("lqr", "-----", task=task)])
+    assert [cells[2] for cells in table.rows] == ["delay [ms]", "gain up"]
 
 
 def test_the_answer_names_the_laws_with_the_least_and_the_most_delay_of_the_last_setup() -> None:
