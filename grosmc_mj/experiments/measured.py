@@ -20,7 +20,7 @@ from grosmc_mj.experiments.requirements.requirement import Requirement, missing_
 from grosmc_mj.experiments.requirements.signals import ERROR
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.ground.errors import ArgumentError, placed
+from grosmc_mj.ground.errors import ArgumentError, name_list, placed
 from grosmc_mj.simulation.trajectory import Status, Trajectory
 from grosmc_mj.theory.control.controller import Controller
 from grosmc_mj.theory.plants import System
@@ -251,7 +251,7 @@ def _law_of(experiment: Experiment, path: Path, name: str | None) -> str:
         return name
     if len(experiment.controllers) > 1:
         raise ArgumentError(
-            f"{path}: the case has the laws {', '.join(experiment.controllers)}: name the one that "
+            f"{path}: the case has the laws {name_list(experiment.controllers)}: name the one that "
             "made the log, by --laws NAME or law = in [[measured]]"
         )
     return experiment.controllers[0]

@@ -48,6 +48,11 @@ def test_a_run_of_kept_and_unjudged_requirements_is_printed(
     printed("run", "mine.toml", "--no-figures")
 
 
+def test_names_of_laws_with_commas_are_told_apart(capsys: Screen) -> None:
+    assert run("list", "servo/bench") == cli.DONE
+    assert "'implicit', 'implicit, predicted'" in " ".join(capsys.readouterr().out.split())
+
+
 @pytest.mark.parametrize("target", ["", "servo", "maglev", "mine.toml"])
 def test_a_list_is_printed(target: str, tmp_path: Path, printed: Callable[..., None]) -> None:
     """Also of a file with the title of a markup, a loop and a law that cannot be designed."""

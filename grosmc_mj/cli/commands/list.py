@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command, Target, command
 from grosmc_mj.cli.exit_codes import DONE
-from grosmc_mj.ground.errors import GrosmcError
+from grosmc_mj.ground.errors import GrosmcError, name_list
 from grosmc_mj.ground.wording import counted, titled, unit_after
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def _say_everything(console: Console) -> None:
         cases = [name.split("/")[1] for name in sorted(folders[system], key=case_order)]
         console.print(system, style="bold")
         _say(console, "cases", ", ".join(cases))
-        _say(console, "laws", ", ".join(content(base)["laws"]))
+        _say(console, "laws", name_list(content(base)["laws"]))
         if system in campaigns:
             _say(console, "campaign", content(campaigns[system])["title"])
 
@@ -113,8 +113,8 @@ def _say_target(console: Console, target: str) -> None:
         _say(console, case.name, case.title + source)
 
     laws = dict.fromkeys([*first.file.laws, *declared])
-    _say(console, "laws", ", ".join(laws))
-    _say(console, "plants", ", ".join(first.plant_names))
+    _say(console, "laws", name_list(laws))
+    _say(console, "plants", name_list(first.plant_names))
     states = _with_units(plant.system.states)
     _say(console, "states", f"{states}  (start, of [[sensor]] and [[estimator]])")
     _say(console, "inputs", f"{_with_units(plant.system.inputs)}  (of [[actuator]])")

@@ -12,7 +12,7 @@ from grosmc_mj.experiments.assumptions.loads import Instants, Load, instants_of,
 from grosmc_mj.experiments.experiment import Experiment, RunResult
 from grosmc_mj.experiments.plants import design_variant
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.ground.errors import ModelError
+from grosmc_mj.ground.errors import ModelError, name_list
 from grosmc_mj.ground.units import rate_unit
 from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.mechanics.physics.hooks import warnings_counted_only
@@ -154,7 +154,7 @@ def _lines(findings: Iterable[Finding]) -> list[str]:
         names = list(dict.fromkeys(finding.law for finding in group))
         of_laws = ""
         if len(names) < len(laws[subject]):
-            of_laws = f" for {', '.join(names)}"
+            of_laws = f" for {name_list(names)}"
         largest = max(group, key=lambda finding: finding.value)
         lines.append(
             f"{subject} is unmatched{of_laws}: no switching term rejects it (up to "

@@ -201,7 +201,7 @@ def _names_left_out(experiment: Experiment, results: Sequence[RunResult]) -> Ite
         if left_out:
             laws.setdefault(name_list(left_out), []).append(law.name)
     for names, of_laws in laws.items():
-        yield f"Q of {', '.join(of_laws)} leaves out {names}: weight 0"
+        yield f"Q of {name_list(of_laws)} leaves out {names}: weight 0"
 
 
 def _follows(experiment: Experiment, law: str) -> bool:
@@ -231,4 +231,4 @@ def _weights_by_order(experiment: Experiment, results: Sequence[RunResult]) -> I
         if any(isinstance(weight, list) for weight in weights):
             laws.setdefault(weights_in_words(law.design), []).append(law.name)
     for words, names in laws.items():
-        yield f"weights of {', '.join(names)}, by the order of the list: {words}"
+        yield f"weights of {name_list(names)}, by the order of the list: {words}"

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from grosmc_mj.ground.errors import name_list
 from grosmc_mj.ground.wording import counted, counted_of, plural, spelled
 from grosmc_mj.output.results.result import (
     KEPT,
@@ -175,7 +176,7 @@ def _answer(study: ContestStudy, rows: Sequence[ContestLaw], *, complete: bool) 
         verdict = KEPT
         answer = _keeping(rows, winner)
         before = [row.law for row in rows if row.entries and row.entries[0].kept]
-        more = f"With the file's numbers: {', '.join(before) or 'none'}."
+        more = f"With the file's numbers: {name_list(before) or 'none'}."
     if complete:
         answer = f"{answer[0].upper()}{answer[1:]}"
     else:
@@ -212,7 +213,7 @@ def _keeping(rows: Sequence[ContestLaw], winner: ContestLaw) -> str:
     place = _standing_words(winner.entries[-1].verdicts)
     return (
         f"{counted_of(len(keeping), len(rows), 'law', 'keeps', 'keep')} all, tuned: "
-        f"{', '.join(keeping)}; simplest: {winner.law}, {tuned_numbers}, {place}"
+        f"{name_list(keeping)}; simplest: {winner.law}, {tuned_numbers}, {place}"
     )
 
 

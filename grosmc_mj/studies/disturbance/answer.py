@@ -19,7 +19,7 @@ from grosmc_mj.experiments.films import film_of
 from grosmc_mj.experiments.number import written
 from grosmc_mj.experiments.requirements.signals import DEVIATION, named_units, signals_of
 from grosmc_mj.ground.arguments import require_known
-from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.ground.errors import ArgumentError, name_list
 from grosmc_mj.ground.wording import counted, counted_of, titled, unit_after
 from grosmc_mj.output.films.film import Film, Format
 from grosmc_mj.output.results.result import (
@@ -119,11 +119,11 @@ def verdict(study: DisturbanceStudy, rows: Sequence[WorstDisturbance]) -> str:
     sentence = (
         f"{study.experiment.target}, {disturbance.bound:g}{unit_after(disturbance.unit)} on "
         f"{disturbance.place}: {kept} all under the worst "
-        f"disturbance found{': ' if keeping else ''}{', '.join(keeping)}."
+        f"disturbance found{': ' if keeping else ''}{name_list(keeping)}."
     )
     failing = [worst.law for worst in rows if not worst.kept_when_calm]
     if failing:
-        sentence = f"Without any disturbance {', '.join(failing)}: not kept. {sentence}"
+        sentence = f"Without any disturbance {name_list(failing)}: not kept. {sentence}"
     return sentence
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from grosmc_mj.experiments.file.schema import ClaimTable
 from grosmc_mj.experiments.measured import MEASURED
+from grosmc_mj.ground.errors import name_list
 from grosmc_mj.ground.wording import counted_of
 from grosmc_mj.output.results.result import (
     KEPT,
@@ -70,7 +71,7 @@ def verdict(studied: Ladder, rows: Sequence[Verdict], condition: str) -> str:
         answer += f"; {breaks}"
     unfinished = [rungs[0].law for rungs in climbed if rungs[-1].step != top]
     if unfinished:
-        answer += f"; not finished: {', '.join(unfinished)}"
+        answer += f"; not finished: {name_list(unfinished)}"
     under_it = [row for row in rows if row.condition == condition]
     return f"{answer}.{_agreement(under_it, top)}"
 

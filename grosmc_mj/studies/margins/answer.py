@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import astuple, replace
 
 from grosmc_mj.experiments.assumptions.growth import growth
+from grosmc_mj.ground.errors import name_list
 from grosmc_mj.ground.wording import titled, unit_after
 from grosmc_mj.output.results.result import (
     MEASURED,
@@ -56,7 +57,7 @@ def verdict(rows: Sequence[LawMargins]) -> str:
         if row.setup == setup and worst is not None:
             delays[row.law] = worst.largest_kept or 0.0
     failing = [row.law for row in rows if row.setup == setup and not row.changes]
-    first = f"Without any change {', '.join(failing)}: not kept. " if failing else ""
+    first = f"Without any change {name_list(failing)}: not kept. " if failing else ""
     if not delays:
         return f"{setup}: no law keeps its task."
 
