@@ -10,15 +10,20 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from grosmc_mj.experiments.file.parts import MACHINE_PARTS, edits_of, scales_of
+from grosmc_mj.experiments.file.parts import (
+    MACHINE_PARTS,
+    edits_of,
+    scales_of,
+    voltage_inputs_of_file,
+)
 from grosmc_mj.experiments.file.schema import CaseFile
 from grosmc_mj.experiments.file.user_code import blamed, load_named
 from grosmc_mj.experiments.file.values import states_of
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.errors import ArgumentError, PremiseError, SetupError, value_text
 from grosmc_mj.ground.files import is_there
+from grosmc_mj.mechanics.machine.voltage_input import VoltageInput
 from grosmc_mj.mechanics.physics.edit import Edit
-from grosmc_mj.mechanics.physics.edits import InputEdit
 from grosmc_mj.mechanics.physics.mujoco_plant import Integrator, MujocoPlant
 from grosmc_mj.theory.plants import (
     SYSTEMS,
@@ -164,8 +169,13 @@ def nominal_plant(file: CaseFile, folder: Path) -> NominalPlant:
             )
         spec = nominal.plant.spec
         known = edits_of(file, nominal.system, known=True, model=spec)
-        _refuse_known_gear(nominal, known)
-        return _with_known(nominal, known)
+        voltages = voltage_inputs_of_file(file, nominal.system)
+        if voltages and nominal.robot is None:
+            raise ArgumentError(
+                f"motor of {voltages[0].input!r}: law_input = 'voltage' is for an MJCF of your own "
+                f"([plant] model = ...): the equations of {nominal.system.name} have another input"
+            )
+        return _with_known(nominal, known, tuple(voltages))
 
     if any(getattr(file, kind) for kind in MACHINE_PARTS):
         raise ArgumentError(f"{nominal.system.name} has no model in MuJoCo, so no machine as built")
@@ -178,38 +188,19 @@ def nominal_plant(file: CaseFile, folder: Path) -> NominalPlant:
     return replace(nominal, scales=scales)
 
 
-def _refuse_known_gear(nominal: NominalPlant, known: tuple[Edit, ...]) -> None:
-    """Refuse a gear that laws with the computed torque would know: their input is the torque.
-
-    Raises:
-        ArgumentError: With the input.
-    """
-    robot = nominal.robot
-    if robot is None or robot.underactuated:
-        return
-    for edit in known:
-        if isinstance(edit, InputEdit):
-            raise ArgumentError(
-                f"edit of {edit.input!r}: known = true of a gear is not for a model of your own "
-                "all of whose joints are driven: its laws give torques at the joints, with the "
-                "MJCF's gear in their limits; leave known out, and the gear is a change of the "
-                "plant"
-            )
-
-
 # A model is compiled once for all experiments on it.
 @lru_cache(maxsize=64)
-def _with_known(nominal: NominalPlant, edits: tuple[Edit, ...]) -> NominalPlant:
-    """Return the nominal plant with the edits that laws know."""
-    if not edits:
+def _with_known(
+    nominal: NominalPlant, edits: tuple[Edit, ...], voltages: tuple[VoltageInput, ...]
+) -> NominalPlant:
+    """Return the nominal plant with the edits that laws know, and inputs in volts."""
+    if not edits and not voltages:
         return nominal
     assert isinstance(nominal.plant, MujocoPlant)
-    plant = nominal.plant.changed(*edits, known=True)
-    robot = nominal.robot
-    if robot is not None:
-        built = plant if robot.built is robot.plant else robot.built.changed(*edits, known=True)
-        robot = replace(robot, plant=plant, built=built)
-    return replace(nominal, plant=plant, robot=robot)
+    if nominal.robot is None:
+        return replace(nominal, plant=nominal.plant.changed(*edits, known=True))
+    robot = nominal.robot.known(edits, voltages)
+    return replace(nominal, plant=robot.plant, robot=robot)
 
 
 # A model is compiled once for all experiments on it.

@@ -16,7 +16,7 @@ from own_files import LEG, OWN, pendulum
 
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.shipped import shipped_files
-from grosmc_mj.ground.errors import ArgumentError, ImplausibleWarning
+from grosmc_mj.ground.errors import ImplausibleWarning
 from grosmc_mj.mechanics.physics.edits import AddedMass
 from grosmc_mj.studies.sweep.runs import Row, run_rows
 from grosmc_mj.theory.plants.parameter_scale import ParameterScale
@@ -106,14 +106,15 @@ def test_a_load_is_where_the_file_says(tmp_path: Path) -> None:
     assert experiment.edits == (AddedMass("shank", 0.02, (0.01, 0.02, 0.03)),)
 
 
-def test_a_gear_that_the_laws_of_a_robot_would_not_use_is_no_known_one(tmp_path: Path) -> None:
-    """Their input is the torque at the joint: a law that ignored a known gear would fail."""
+def test_laws_of_a_robot_know_a_known_gear(tmp_path: Path) -> None:
+    """The input that accelerates the joints as designed is the torque over the gear."""
     (tmp_path / "leg.xml").write_text(LEG)
-    tables = {"task": {"Q": {"hip": 1, "knee": 1}, "R": 1}}
-    gear = {"input": "hip", "gear": 0.5}
-    assert case("leg.xml", folder=tmp_path, edit=gear, **tables).edits
-    with pytest.raises(ArgumentError, match="known = true of a gear is not for a model"):
-        case("leg.xml", folder=tmp_path, edit=gear | {"known": True}, **tables)
+    tables = {"task": {"Q": {"hip": 1, "knee": 1}, "R": 1}, "run": {"start": {"hip": "0.2 rad"}}}
+    gear = {"input": "hip", "gear": -0.5, "known": True}
+    plain = case("leg.xml", folder=tmp_path, **tables).run().trajectory
+    geared = case("leg.xml", folder=tmp_path, edit=gear, **tables).run().trajectory
+    np.testing.assert_allclose(geared.state, plain.state, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(geared.input * [-0.5, 1], plain.input, rtol=1e-9)
 
 
 def test_edits_of_one_parameter_multiply_one_after_the_other(tmp_path: Path) -> None:

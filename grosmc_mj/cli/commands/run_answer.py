@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 
 from grosmc_mj.chapter.premises import audit_document, audit_table
 from grosmc_mj.experiments.answer.document import experiment_result
@@ -11,15 +11,21 @@ from grosmc_mj.experiments.answer.tables import endings
 from grosmc_mj.experiments.assumptions.audit import Audit
 from grosmc_mj.experiments.assumptions.notes import notes_on
 from grosmc_mj.experiments.experiment import Experiment, RunResult
-from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, unit_of
+from grosmc_mj.experiments.file.parts import (
+    LOOP_PARTS,
+    MACHINE_PARTS,
+    unit_of,
+    voltage_inputs_of_file,
+)
 from grosmc_mj.experiments.measured import MeasuredResult, disagreements
 from grosmc_mj.experiments.requirements.judging import Judgement
 from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.ground.wording import unit_after
+from grosmc_mj.mechanics.machine import MachinePart
 from grosmc_mj.output.results import tables
 from grosmc_mj.output.results.result import Result
 from grosmc_mj.studies.ladder.assumed import assumed_numbers, in_words
-from grosmc_mj.theory.plants.system import Signal
+from grosmc_mj.theory.plants.system import Signal, System
 
 
 def answer_of_run(
@@ -166,17 +172,41 @@ def _machine_lines(experiment: Experiment) -> list[str]:
 
     lines = ["on its machine, in physics alone; no law knows of (* is assumed):"]
     file = experiment.file
+    system = experiment.nominal.system
+    voltages = voltage_inputs_of_file(file, system)
     of_file = [(kind, table) for kind in MACHINE_PARTS for table in getattr(file, kind)]
     for (kind, table), part in zip(of_file, parts, strict=True):
-        numbers = []
-        for name in table.numbers:
-            unit = unit_of(kind, part.of, name, experiment.nominal.system)
-            text = f"{name} {getattr(part, name):.4g}{unit_after(unit)}"
-            if name in table.assumed:
-                text += "*"
-            numbers.append(text)
-        lines.append(f"{part.kind} of {part.of}: {', '.join(numbers)}")
+        known = [name for voltage in voltages for name in voltage.numbers_of(part)]
+        names = [name for name in table.numbers if name not in known]
+        numbers = _numbers_in_words(kind, part, names, table.assumed, system)
+        lines.append(f"{part.kind} of {part.of}: {numbers or 'nothing else'}")
+
+    for voltage in voltages:
+        motor = voltage.motor
+        assumed = [
+            name
+            for kind in ("motor", "known_motor")
+            for table in getattr(file, kind)
+            if motor.of in table.of
+            for name in table.assumed
+        ]
+        numbers = _numbers_in_words("motor", motor, voltage.numbers, assumed, system)
+        lines.append(f"laws give volts, and know of {motor.of}: {numbers}")
     return lines
+
+
+def _numbers_in_words(
+    kind: str, part: MachinePart, names: Iterable[str], assumed: Collection[str], system: System
+) -> str:
+    """Return numbers of a part of the machine with their units; * marks assumed ones."""
+    numbers = []
+    for name in names:
+        unit = unit_of(kind, part.of, name, system)
+        text = f"{name} {getattr(part, name):.4g}{unit_after(unit)}"
+        if name in assumed:
+            text += "*"
+        numbers.append(text)
+    return ", ".join(numbers)
 
 
 def _rest_lines(experiment: Experiment) -> list[str]:

@@ -18,6 +18,7 @@ from grosmc_mj.experiments.file.part_tables import Form, PartKind, PartTable, Va
 from grosmc_mj.ground.errors import ArgumentError, Mistakes
 from grosmc_mj.ground.fields import Flag, Range, checked, range_of
 from grosmc_mj.mechanics.machine import PARTS, MachinePart
+from grosmc_mj.mechanics.machine.voltage_input import VoltageInput
 from grosmc_mj.mechanics.physics.edit import Edit
 from grosmc_mj.mechanics.physics.edits import (
     AddedMass,
@@ -214,6 +215,33 @@ def machine_of_file(file: Any, system: System) -> tuple[MachinePart, ...]:
         parts += mistakes.each(kind, tables, partial(read, system=system), file.base_of(kind))
     mistakes.refuse()
     return tuple(parts)
+
+
+def voltage_inputs_of_file(file: Any, system: System) -> list[VoltageInput]:
+    """Return the inputs of a case file that are voltages of motors, as laws know them.
+
+    Args:
+        file: A ``CaseFile``.
+        system: The system of its plant.
+
+    Raises:
+        GrosmcError: For all numbers that do not fit.
+    """
+    known = {table.of: table for table in file.known_motor}
+    tables = [table for table in file.motor if table.values.get("law_input") == "voltage"]
+    of_motors = {table.of for table in tables}
+
+    mistakes = Mistakes()
+    for table in file.known_motor:
+        if table.of not in of_motors:
+            mistakes.note(
+                f"known_motor of {table.of[0]!r}: no [[motor]] of that input has law_input = "
+                "'voltage', so no law knows its motor"
+            )
+    believed = [known.get(table.of, table) for table in tables]
+    motors = mistakes.each("motor", believed, partial(read, system=system))
+    mistakes.refuse()
+    return [VoltageInput(motor) for motor in motors]
 
 
 def edits_of(file: Any, system: System, *, known: bool, model: Any = None) -> tuple[Edit, ...]:

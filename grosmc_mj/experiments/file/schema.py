@@ -544,6 +544,8 @@ class CaseFile(_WithParts):
         drive_friction: Friction of the drives of joints, which depends on speed and load.
         stop: Stops at the ends of joints.
         motor: DC motors that stand for the inputs.
+        known_motor: Motors that laws take for those whose voltage is their input; the true ones by
+            default.
         wall: Walls that bodies can touch.
         task: Outputs, reference and weights that the laws are designed for.
         laws: Laws with their numbers, by name.
@@ -557,6 +559,7 @@ class CaseFile(_WithParts):
     """
 
     known_loop: KnownLoopTable | None = None
+    known_motor: list[Annotated[PartTable, _table("motor"), _AS_WRITTEN]] = []
     task: TaskTable = TaskTable()
     laws: dict[str, LawTable] = {}
     controller: Annotated[list[ControllerTable], Field(min_length=1)]

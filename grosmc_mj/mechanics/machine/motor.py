@@ -10,19 +10,21 @@ of their product.
 A current loop on a supply is MuJoCo's own: its ``ff`` input is a torque, for which the driver gives
 V = R i + K w within the supply. There the gear, not the unit of voltage, makes u the demand:
 i' = clip(w_b (clip(R i_u + K w, +-V_s) / R - K w / R - i), +-V_s / L).
+
+Where the law's input is the voltage itself, c is 1 but for the efficiency.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, Literal, get_args
 
 import mujoco
 import numpy as np
 
 from grosmc_mj.ground.errors import ModelError, one_line
-from grosmc_mj.ground.fields import Flag, Name, Range, checked
+from grosmc_mj.ground.fields import Flag, Known, Name, Range, checked
 from grosmc_mj.mechanics.machine.backlash import driven_joint
 from grosmc_mj.mechanics.machine.part import (
     LEAST,
@@ -33,6 +35,8 @@ from grosmc_mj.mechanics.machine.part import (
     signed,
 )
 from grosmc_mj.mechanics.physics.edit import HiddenState
+
+LawInput = Literal["torque", "voltage"]
 
 # A current loop's resistance over its winding's: the effect of the back-EMF falls by this factor.
 _STIFF = 1e9
@@ -63,8 +67,8 @@ class _Winding:
 class Motor(MachinePart):
     """A DC motor with its gear and amplifier in place of the model's ideal input.
 
-    The law's input is converted so that a motor at rest gives the torque that it demands;
-    back-EMF, lag and limits come between.
+    The law's input is converted so that a motor at rest gives the torque that it demands, or is
+    the voltage itself; back-EMF, lag and limits come between.
     A voltage amplifier is ``voltage``; one that follows a current has a ``bandwidth``, and within
     the voltage of its supply if there is a ``voltage``, too.
 
@@ -92,6 +96,8 @@ class Motor(MachinePart):
         heat_capacity: Heat capacity of the winding [J/K].
         added: True if back-EMF and inertia come on top of the model's; else they are a part of the
             joint's damping and armature.
+        law_input: Input of the law: ``torque`` at the joint, or ``voltage`` [V] at the winding, for
+            a nominal model with a ``VoltageInput``.
     """
 
     input: Name
@@ -109,6 +115,7 @@ class Motor(MachinePart):
     thermal_resistance: Annotated[float, not_negative("K/W")] = 0.0
     heat_capacity: Annotated[float, not_negative("J/K")] = 0.0
     added: Flag = True
+    law_input: Annotated[LawInput, Known("law_input", get_args(LawInput))] = "torque"
 
     kind = "motor"
     owner = "input"
@@ -124,6 +131,8 @@ class Motor(MachinePart):
             mistakes.append(f"its current follows in {tau:.2g} s: leave that out")
         if abs(self.ratio) < LEAST:
             mistakes.append(f"ratio = {self.ratio:g} must be at least {LEAST:g}, or negative")
+        if self.bandwidth and self.law_input == "voltage":
+            mistakes.append("law_input = 'voltage' is for a voltage amplifier: leave bandwidth out")
         if mistakes:
             raise ModelError(f"motor of {self.input!r}: {'; '.join(mistakes)}")
 
@@ -166,21 +175,45 @@ class Motor(MachinePart):
             return 0.0
         return self.efficiency * (self.ratio * self.constant) ** 2 / self.resistance
 
+    @property
+    def torque_of_volt(self) -> float:
+        """Torque at the joint of a motor at rest for 1 V [N m/V or N/V]."""
+        return self.efficiency * self.constant * self.ratio / self.resistance
+
     def write(self, spec: mujoco.MjSpec, nominal: mujoco.MjModel) -> None:
         """Replace an ideal input."""
         actuator = spec.actuator(self.input)
         gear = float(actuator.gear[0]) * float(actuator.gainprm[0])
         if not _is_ideal(actuator) or gear == 0:
             raise ModelError(f"motor: input {self.input!r} is no ideal motor on a joint")
+        if self.law_input == "voltage":
+            self._refuse_gear(gear, nominal)
+            gear = self.torque_of_volt
 
         low, high = self._limits(actuator, self._volts(gear) / math.sqrt(self.efficiency))
         winding = self._winding(gear)
         self._write_motor(actuator, winding, spec.option.timestep)
         actuator.gear = [winding.gear, *[0.0] * 5]
+        # What the ideal input has of the motor in a nominal model in volts.
+        actuator.armature = 0.0
+        actuator.damping = np.zeros_like(actuator.damping)
         if math.isfinite(high):
             actuator.ctrllimited = mujoco.mjtLimited.mjLIMITED_TRUE
             actuator.ctrlrange = [low, high]
         self._write_joint(spec, actuator.target)
+
+    def _refuse_gear(self, gear: float, nominal: mujoco.MjModel) -> None:
+        """Refuse a gear of the input that is not the nominal model's.
+
+        Raises:
+            ModelError: With the numbers to edit in its place.
+        """
+        index = nominal.actuator(self.input).id
+        if gear != nominal.actuator_gear[index, 0] * nominal.actuator_gainprm[index, 0]:
+            raise ModelError(
+                f"motor of {self.input!r}: law_input = 'voltage' takes the place of its gear: "
+                "edit constant, resistance or ratio of the motor"
+            )
 
     def _write_motor(
         self, actuator: mujoco.MjsActuator, winding: _Winding, timestep: float
@@ -287,7 +320,7 @@ class Motor(MachinePart):
         return [resistance, capacity, 0.0, copper, 0.0, 0.0]
 
     def _write_joint(self, spec: mujoco.MjSpec, target: str) -> None:
-        """Give the joint the motor's inertia, or take the motor's share off the joint's numbers."""
+        """Give the joint the motor's inertia, or take the back-EMF off the joint's damping."""
         name = driven_joint(spec, target)
         joint = spec.joint(name)
         # A transmission's motor has its inertia itself.
@@ -309,7 +342,6 @@ class Motor(MachinePart):
 
         damping[0] = max(0.0, damping[0] - self.emf_damping)
         joint.damping = damping
-        joint.armature = max(0.0, joint.armature - inertia)
 
     def oscillation(self, model: mujoco.MjModel) -> Oscillation | None:
         """Lag of its current, which RK4 moves as any other state; other integrators are exact."""

@@ -15,7 +15,7 @@ from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.compilation.jitable import jitable
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.mechanics.physics.mjdata import forward
-from grosmc_mj.mechanics.robots.nominal import bias, inertia
+from grosmc_mj.mechanics.robots.nominal import bias, gears, inertia
 from grosmc_mj.mechanics.robots.rigid_bodies import forward_dynamics, inverse_dynamics
 from grosmc_mj.theory.control.coordinates.base import Chains, InputMap, OutputCoordinates, StateMap
 from grosmc_mj.theory.control.coordinates.design_model import Advance, DesignModel
@@ -27,9 +27,9 @@ from grosmc_mj.theory.plants import Plant
 class RobotCoordinates(OutputCoordinates):
     """z = sign * (q - y_r, q' - y_r') of all joints, joint by joint.
 
-    In the terms of eqs. (43)-(46) every joint has relative degree 2, E = M(q)^-1 and K is
-    M^-1 (passive - h): the inverse of the decoupling matrix is the inertia matrix, and never
-    singular. The feedback (44) is the computed torque.
+    In the terms of eqs. (43)-(46) every joint has relative degree 2, E = M(q)^-1 gear and K is
+    M^-1 (passive - h): the inverse of the decoupling matrix is the inertia matrix over the gears
+    of the inputs, and never singular. The feedback (44) is the computed torque.
 
     Attributes:
         model: The nominal model in MuJoCo, of the same links, for whole trajectories.
@@ -94,7 +94,7 @@ class RobotCoordinates(OutputCoordinates):
 
     @cached_property
     def feedback(self) -> InputMap:
-        """Jitable (t, x, v, memory, p, u): u = M(q) (sign v + y_r'') + h(q, q') - passive.
+        """Jitable (t, x, v, memory, p, u): gear u = M(q) (sign v + y_r'') + h(q, q') - passive.
 
         It is defined everywhere.
         """
@@ -108,7 +108,7 @@ class RobotCoordinates(OutputCoordinates):
 
     @cached_property
     def virtual_input(self) -> InputMap:
-        """Jitable (t, x, u, memory, p, v): v = sign (M^-1 (u - h + passive) - y_r'')."""
+        """Jitable (t, x, u, memory, p, v): v = sign (M^-1 (gear u - h + passive) - y_r'')."""
         reference = self.reference
         sign = float(self.sign)
 
@@ -123,10 +123,10 @@ class RobotCoordinates(OutputCoordinates):
     def dynamics_along(self, t: Sequence[float], x: Array, p: Any) -> tuple[Array, Array]:
         """Terms alpha and E of z' along a trajectory, see ``OutputCoordinates``."""
         n = self.inputs
-        E = np.array([np.linalg.inv(inertia(self.model, row[:n])) for row in x])
+        inverse = np.array([np.linalg.inv(inertia(self.model, row[:n])) for row in x])
         torques = np.array([bias(self.model, row[:n], row[n:]) for row in x])
-        alpha = -np.einsum("nij,nj->ni", E, torques) - self.raised_along(t, p)[:, 1::2]
-        return self.sign * alpha, self.sign * E
+        alpha = -np.einsum("nij,nj->ni", inverse, torques) - self.raised_along(t, p)[:, 1::2]
+        return self.sign * alpha, self.sign * inverse * gears(self.model)
 
     def design_model(self, optimum: LqrDesign, p: Any) -> DesignModel:
         """The robot's accelerations: q + h q' + h^2/2 q''."""
@@ -168,7 +168,7 @@ class RobotCoordinates(OutputCoordinates):
 
         The drift is MuJoCo's own forward dynamics less the effect of the input on the free bodies:
         joint friction, limits and contacts are in it as they answer to the inputs u, none by
-        default. The change of their answer with u is not in the gain, which is M*^-1.
+        default. The change of their answer with u is not in the gain, which is M*^-1 gear*.
         """
         model = plant.undrawn_model
         n = self.inputs
@@ -180,11 +180,12 @@ class RobotCoordinates(OutputCoordinates):
             wrench = None if w is None else w[i]
             data = forward(model, state, input_now, wrench, self.system.bodies)
             mujoco.mj_fullM(model, data, M)
-            gain[i, 1::2] = np.linalg.inv(M)
+            inverse = np.linalg.inv(M)
+            gain[i, 1::2] = inverse * gears(model)
 
-            # The torques of the motors, which are the inputs within their limits.
+            # The torques of the motors, which are those of the inputs within their limits.
             drift[i, 0::2] = state[n:]
-            drift[i, 1::2] = data.qacc - gain[i, 1::2] @ data.qfrc_actuator
+            drift[i, 1::2] = data.qacc - inverse @ data.qfrc_actuator
         return self.sign * (drift - self.raised_along(t, p)), self.sign * gain
 
     def from_rates(self, x: Array, p: Any, rates: Array) -> Array:

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from grosmc_mj.ground.arrays import Array
+from grosmc_mj.mechanics.robots.nominal import gears
 from grosmc_mj.mechanics.robots.rigid_bodies import (
     AXIS,
     MOMENT,
@@ -44,8 +45,8 @@ def rigid_bodies(model: mujoco.MjModel) -> RigidBodies:
     """Read the links of a model: bodies that are fixed to each other are one link.
 
     Args:
-        model: A tree of n hinges and slides with linear dampers and springs. Contacts, limits, dry
-            friction and fluids are not read.
+        model: A tree of n hinges and slides with linear dampers and springs, and of a joint one
+            ideal actuator at most. Contacts, limits, dry friction and fluids are not read.
     """
     n = model.njnt
     vectors = np.zeros((n, 4, 3))
@@ -83,6 +84,16 @@ def rigid_bodies(model: mujoco.MjModel) -> RigidBodies:
         inertia[frame.link] += axes @ np.diag(model.body_inertia[body]) @ axes.T
         inertia[frame.link] += own_mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
 
+    # A motor's own damping and armature are at its shaft.
+    driven = model.actuator_trnid[:, 0]
+    squared = model.actuator_gear[:, 0] ** 2
+    gear = np.ones(n)
+    gear[driven] = gears(model)
+    damping = model.dof_damping.copy()
+    damping[driven] += squared * model.actuator_damping
+    armature = model.dof_armature.copy()
+    armature[driven] += squared * model.actuator_armature
+
     return RigidBodies(
         before=before,
         slides=(model.jnt_type == int(mujoco.mjtJoint.mjJNT_SLIDE)).astype(float),
@@ -92,10 +103,11 @@ def rigid_bodies(model: mujoco.MjModel) -> RigidBodies:
         inertia=inertia,
         mass=mass,
         weightless=weightless,
-        armature=model.dof_armature.copy(),
-        damping=model.dof_damping.copy(),
+        armature=armature,
+        damping=damping,
         stiffness=model.jnt_stiffness.copy(),
         spring=model.qpos_spring.copy(),
+        gear=gear,
         gravity=model.opt.gravity.copy(),
     )
 

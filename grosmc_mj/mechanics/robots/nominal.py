@@ -19,7 +19,7 @@ _WITHOUT = (
 
 
 def nominal_model(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """Compile the model of a robot with its dynamics only: no looks, contacts or actuators.
+    """Compile the model of a robot with its dynamics only: no looks or contacts.
 
     Bodies that do not move against each other are one, which leaves the dynamics as they are
     and makes them fast. There is no fluid in it: no law knows of one.
@@ -33,7 +33,7 @@ def nominal_model(spec: mujoco.MjSpec) -> mujoco.MjModel:
     lean.option.density = 0.0
     lean.option.viscosity = 0.0
     lean.option.disableflags |= int(_WITHOUT)
-    for part in (*lean.keys, *lean.sensors, *lean.tendons, *lean.actuators, *lean.excludes):
+    for part in (*lean.keys, *lean.sensors, *lean.tendons, *lean.excludes):
         lean.delete(part)
 
     # The effect of gravcomp depends on each body.
@@ -48,8 +48,13 @@ def nominal_model(spec: mujoco.MjSpec) -> mujoco.MjModel:
     return compile_spec(lean)
 
 
+def gears(model: mujoco.MjModel) -> Array:
+    """Torque or force at its joint for one unit of each ideal input of a model, (m,)."""
+    return model.actuator_gear[:, 0] * model.actuator_gainprm[:, 0]
+
+
 def inertia(model: mujoco.MjModel, q: ArrayLike) -> Array:
-    """M(q) of a nominal model with the joints' armature, (n, n)."""
+    """M(q) of a nominal model with the armature of joints and inputs, (n, n)."""
     n = model.nv
     data = forward(model, np.append(q, np.zeros(n)))
     M = np.zeros((n, n))

@@ -51,6 +51,7 @@ class RigidBodies:
         damping: Viscous damping of the joint [N m s/rad or N s/m], (n,).
         stiffness: Stiffness of the joint's spring [N m/rad or N/m], (n,).
         spring: Position at which that spring is at rest [rad or m], (n,).
+        gear: Torque or force at the joint for one unit of its input, of either sign, (n,).
         gravity: Acceleration of gravity in axes of the ground [m/s^2], (3,).
     """
 
@@ -66,6 +67,7 @@ class RigidBodies:
     damping: Array
     stiffness: Array
     spring: Array
+    gear: Array
     gravity: Array
 
 
@@ -92,14 +94,14 @@ _COMPOSITE_ROWS = 5
 
 
 @jitable
-def inverse_dynamics(bodies: Any, x: Any, a: Any, tau: Any) -> None:
-    """Write tau = M(q) a + h(q, q') - passive.
+def inverse_dynamics(bodies: Any, x: Any, a: Any, u: Any) -> None:
+    """Write u with gear u = M(q) a + h(q, q') - passive.
 
     Args:
         bodies: ``RigidBodies`` of n links.
         x: Joint positions, then their rates, (2 n,).
         a: Accelerations of the joints, (n,).
-        tau: Torques, (n,); they may take the place of the accelerations.
+        u: Inputs, (n,); they may take the place of the accelerations.
     """
     n = len(bodies.rest)
     links = np.zeros((n + 1, _ROWS, 3))
@@ -109,19 +111,20 @@ def inverse_dynamics(bodies: Any, x: Any, a: Any, tau: Any) -> None:
         i = n - 1 - k
         _load(bodies, i, links)
         of_joint = _along_joint(bodies, i, row(links, i, _FORCE), row(links, i, _TORQUE))
-        tau[i] = of_joint + bodies.armature[i] * a[i] - _passive(bodies, i, x)
+        torque = of_joint + bodies.armature[i] * a[i] - _passive(bodies, i, x)
+        u[i] = torque / bodies.gear[i]
         _pass_to_link_before(bodies, i, links)
 
 
 @jitable
-def forward_dynamics(bodies: Any, x: Any, tau: Any, a: Any) -> None:
-    """Write a = M(q)^-1 (tau - h(q, q') + passive), the inverse of ``inverse_dynamics``."""
+def forward_dynamics(bodies: Any, x: Any, u: Any, a: Any) -> None:
+    """Write a = M(q)^-1 (gear u - h(q, q') + passive), the inverse of ``inverse_dynamics``."""
     n = len(bodies.rest)
     for i in range(n):
         a[i] = 0.0
     inverse_dynamics(bodies, x, a, a)
     for i in range(n):
-        a[i] = tau[i] - a[i]
+        a[i] = bodies.gear[i] * (u[i] - a[i])
 
     M = np.zeros(n * n)
     inertia_matrix(bodies, x, M)

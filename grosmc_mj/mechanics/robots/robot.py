@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any
@@ -11,6 +11,8 @@ import mujoco
 from numpy.typing import ArrayLike
 
 from grosmc_mj.ground.errors import ModelError, name_list
+from grosmc_mj.mechanics.machine.voltage_input import VoltageInput, in_volts
+from grosmc_mj.mechanics.physics.edit import Edit
 from grosmc_mj.mechanics.physics.files import body_names, compile_spec, joint_names, of_file
 from grosmc_mj.mechanics.physics.hooks import warnings_ignored
 from grosmc_mj.mechanics.physics.mujoco_plant import Integrator, MujocoPlant
@@ -79,6 +81,43 @@ class Robot:
         plant = MujocoPlant(_system(spec), spec, (), timestep, integrator)
         built_plant = plant if built is None else replace(plant, spec=built)
         return cls(plant, tuple(notes), built_plant, tuple(gears.items()))
+
+    def known(self, edits: Iterable[Edit], voltages: Sequence[VoltageInput] = ()) -> Robot:
+        """Return the robot with edits that its laws know, and with voltages of motors as inputs.
+
+        Raises:
+            ModelError: If the model cannot have an edit, or the input is no motor's.
+        """
+        for voltage in voltages:
+            self._require_motor(voltage.input)
+        system = in_volts(self.plant.system, voltages)
+        every = (*edits, *voltages)
+        plant = replace(self.plant, system=system).changed(*every, known=True)
+        built = plant
+        if self.built is not self.plant:
+            built = replace(self.built, system=system).changed(*every, known=True)
+        in_volt = {voltage.input for voltage in voltages}
+        gears = tuple(item for item in self.gears if item[0] not in in_volt)
+        return replace(self, plant=plant, built=built, gears=gears)
+
+    def _require_motor(self, name: str) -> None:
+        """Refuse a voltage for a servo, or for a motor with a negative gear in the MJCF.
+
+        Raises:
+            ModelError: With the remedy.
+        """
+        gears = dict(self.gears)
+        if name not in gears:
+            raise ModelError(
+                f"motor of {name!r}: law_input = 'voltage' needs a <motor> in the MJCF: its "
+                "actuator is a servo, with a loop of its own"
+            )
+        if gears[name] < 0:
+            raise ModelError(
+                f"motor of {name!r}: its gear in the MJCF is {gears[name]:g}; with law_input = "
+                "'voltage' its ratio alone says which way a positive voltage turns the joint: make "
+                "the gear positive, and the ratio negative if it turns it backwards"
+            )
 
     @property
     def joints(self) -> int:

@@ -221,6 +221,8 @@ def _content(campaign: Campaign, plant: ChosenPlant) -> Content:
     uncertain_loop = any(quantity.number.of_loop for quantity, *_ in pairs)
     if uncertain_loop and any(map(experiment.knows_loop, campaign.laws)):
         _keep_known_loop(content)
+    if any(quantity.number.path.startswith("motor.") for quantity, *_ in pairs):
+        _keep_known_motors(content)
     for quantity, value, _ in pairs:
         quantity.number.write(content, value)
     if experiment.loop is not None:
@@ -258,6 +260,17 @@ def _keep_known_loop(content: Content) -> None:
     if "known_loop" not in content:
         parts = {kind: content[kind] for kind in LOOP_PARTS if kind in content}
         content["known_loop"] = deepcopy(parts)
+
+
+def _keep_known_motors(content: Content) -> None:
+    """Have laws whose input is a voltage know the motor as it is now, whatever numbers it gets."""
+    known = content.get("known_motor", [])
+    inputs = [motor["input"] for motor in known]
+    for motor in content["motor"]:
+        if motor.get("law_input") == "voltage" and motor["input"] not in inputs:
+            known = [*known, deepcopy(motor)]
+    if known:
+        content["known_motor"] = known
 
 
 def _changes(content: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str, Any]:

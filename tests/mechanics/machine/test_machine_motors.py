@@ -215,10 +215,10 @@ def slow_angles(*edits: Edit) -> Array:
 
 def test_a_motor_that_the_model_has_already_changes_nothing() -> None:
     """While it is cold and slow."""
-    part = motor(efficiency=0.8, added=False)
-    brakes = JointEdit("shaft", damping=0.02)
-    rigid = slow_angles(brakes)
-    driven = slow_angles(brakes, part)
+    part = motor(efficiency=0.8, inertia=1e-5, added=False)
+    drive = JointEdit("shaft", damping=0.02, armature=0.03)
+    rigid = slow_angles(drive)
+    driven = slow_angles(drive, part)
     assert driven == pytest.approx(rigid, rel=1e-9, abs=1e-12)
     assert part.emf_damping == pytest.approx(0.8 * (N * K) ** 2 / R)
 

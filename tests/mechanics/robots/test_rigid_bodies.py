@@ -109,6 +109,37 @@ def test_torque_at_rest_of_the_joints_accelerations_is_mujocos_bias(
     assert_equal_to(data.qfrc_bias - data.qfrc_passive, tau)
 
 
+GEARED = """
+<mujoco>
+  <worldbody>
+    <body>
+      <joint name="shoulder" axis="0 1 0" damping="0.3"/>
+      <geom type="capsule" fromto="0 0 0 0.4 0 0" size="0.03"/>
+      <body pos="0.4 0 0">
+        <joint name="elbow" axis="0 1 0" armature="0.01"/>
+        <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <general joint="elbow" gear="-3" gainprm="0.5" damping="0.2" armature="0.004"/>
+    <general joint="shoulder" gear="2" damping="0.1" armature="0.05"/>
+  </actuator>
+</mujoco>
+"""
+
+
+def test_an_input_has_the_gear_damping_and_armature_of_its_actuator() -> None:
+    model = mujoco.MjModel.from_xml_string(GEARED)
+    data, x = state_of(model)
+    data.ctrl = [0.7, -1.1]
+    mujoco.mj_forward(model, data)
+    a = np.zeros(2)
+    # Inputs in the order of the joints.
+    forward_dynamics(rigid_bodies(model), x, data.ctrl[::-1].copy(), a)
+    assert_equal_to(data.qacc, a)
+
+
 @each_model
 def test_forward_dynamics_undoes_inverse_dynamics(make: Callable[[], mujoco.MjModel]) -> None:
     model = make()

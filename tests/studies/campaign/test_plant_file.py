@@ -275,7 +275,22 @@ def robot_case(folder: Path) -> Path:
     )
 
 
-@pytest.mark.parametrize("written_case", [own_case, robot_case])
+def voltage_case(folder: Path) -> Path:
+    """A case on a robot whose law gives a voltage, and knows the motor of the file."""
+    (folder / "one.xml").write_text(ROBOT)
+    motor = {"input": "drive", "constant": "0.1 N m/A", "resistance": "2 ohm"}
+    return cases.write(
+        folder,
+        "one.xml",
+        run={"start": {"hinge": "0.1 rad"}, "duration": "0.2 s"},
+        task=TASK,
+        motor={**motor, "law_input": "voltage"},
+        requirement={"input_below": "100 V"},
+        uncertain=uncertain("motor.drive.constant", "0.05 N m/A", "0.09 N m/A"),
+    )
+
+
+@pytest.mark.parametrize("written_case", [own_case, robot_case, voltage_case])
 def test_a_file_beside_the_campaign_s_own_extends_it(written_case: Any, tmp_path: Path) -> None:
     base = written_case(tmp_path)
     declared = Campaign.load(str(base), runs=4, duration=0.04)
