@@ -165,14 +165,19 @@ def unknown_name(kind: str, name: object, valid: Iterable[str]) -> str:
     names = list(valid)
     line = f"unknown {kind} {value_text(name)}:"
 
-    nearest = difflib.get_close_matches(str(name), names, n=1)
-    if nearest:
-        line += f" did you mean {value_text(nearest[0])}?"
-
+    line += did_you_mean(name, names)
     line += f" valid: {name_list(names[:_LISTED_NAMES])}"
     if len(names) > _LISTED_NAMES:
         line += f" and {len(names) - _LISTED_NAMES} more"
     return line
+
+
+def did_you_mean(name: object, valid: Iterable[str]) -> str:
+    """Return a question with the valid name that is nearest, after a blank; or nothing."""
+    nearest = difflib.get_close_matches(str(name), list(valid), n=1)
+    if not nearest:
+        return ""
+    return f" did you mean {value_text(nearest[0])}?"
 
 
 def name_list(names: Iterable[str]) -> str:

@@ -11,7 +11,7 @@ import cases
 import numpy as np
 import pytest
 from cases import case
-from commands import Screen, run
+from commands import Screen, assert_one_line, run
 from mjcf import TREE
 from own_files import LEG, OWN, PYTHON, pendulum
 from shipped import find_case, nominal_controller
@@ -90,12 +90,32 @@ def test_new_never_overwrites(folder: Path, capsys: Screen) -> None:
         (("new", "a b"), "must be a name of letters"),
         (("new", "mine", "--like", "arm/case1", "--python"), "give one of them"),
         (("run", "arm/base"), "unknown case 'arm/base'"),
-        (("run", "nowhere.toml"), "there is no such file; grosmc-mj new nowhere writes one"),
+        (("run", "nowhere.toml"), "there is no such file; grosmc-mj list names the cases"),
+        (("run", "nowhere.toml"), "grosmc-mj new nowhere writes a new file"),
+        (("run", "servo/case1.toml"), "no such file: did you mean 'servo/case1'? grosmc-mj list"),
     ],
 )
 def test_a_wrong_command_is_one_line(arguments, words, capsys: Screen) -> None:
     assert run(*arguments) == cli.WRONG
     assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("target", "words"),
+    [
+        ("pendulun.toml", "did you mean 'pendulum.toml'?"),
+        ("pendulum", "did you mean 'pendulum.toml'?"),
+        ("x.toml", "x.toml: there is no such file: its folder has pendulum.toml; grosmc-mj list"),
+    ],
+)
+def test_a_case_file_that_is_missing_is_told_which_ones_are_there(
+    target: str, words: str, folder: Path, capsys: Screen
+) -> None:
+    (folder / "pendulum.toml").write_text("")
+    assert run("compare", "log.csv", target) == cli.WRONG
+    error = capsys.readouterr().err
+    assert words in error
+    assert_one_line(error)
 
 
 # run

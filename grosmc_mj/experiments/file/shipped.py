@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from grosmc_mj.ground.errors import ArgumentError, unknown_name
+from grosmc_mj.ground.errors import (
+    ArgumentError,
+    did_you_mean,
+    name_list,
+    unknown_name,
+    value_text,
+)
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 # It has a folder for each system.
@@ -17,6 +23,8 @@ CASES = _PACKAGE / "experiments" / "cases"
 _BASE = "base.toml"
 # Name of the starter with a plant in Python.
 _OWN = "own_plant"
+# Files of a folder that a message names.
+_LISTED = 6
 
 
 def shipped_files() -> Mapping[str, Path]:
@@ -69,11 +77,37 @@ def find_file(name: str) -> Path:
         raise ArgumentError(f"{name} is a folder, must be a case file")
     if path.is_symlink():
         raise ArgumentError(f"{name} is a link that leads to no file: name the file itself")
+    beside = [str(path.with_name(file.name)) for file in sorted(path.parent.glob("*.toml"))]
     if path.suffix == ".toml":
-        raise ArgumentError(f"{name}: there is no such file; grosmc-mj new {path.stem} writes one")
+        raise ArgumentError(_missing_file(path, beside))
+    if f"{name}.toml" in beside:
+        raise ArgumentError(f"unknown case {value_text(name)}: did you mean '{name}.toml'?")
     systems = [case.split("/")[0] for case in shipped]
     unknown = unknown_name("case", name, list(dict.fromkeys([*systems, *shipped])))
     raise ArgumentError(f"{unknown}, or a path that ends in .toml")
+
+
+def _missing_file(path: Path, beside: Sequence[str]) -> str:
+    """Refuse a case file that is not there: what is, and how to get a new one.
+
+    Args:
+        path: Path of the file.
+        beside: Paths of the case files in its folder.
+    """
+    line = f"{path}: there is no such file"
+    commands = (
+        "grosmc-mj list names the cases of the package, "
+        f"grosmc-mj new {path.stem} writes a new file"
+    )
+    nearest = did_you_mean(path, [*beside, *shipped_files()])
+    if nearest:
+        return f"{line}:{nearest} {commands}"
+
+    if beside:
+        line += f": its folder has {name_list(beside[:_LISTED])}"
+    if len(beside) > _LISTED:
+        line += f" and {len(beside) - _LISTED} more"
+    return f"{line}; {commands}"
 
 
 def written_beside(case: Path, out: Path, name: str) -> Path:
