@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from pydantic_core import PydanticCustomError
 
 from grosmc_mj.ground.errors import unknown_name, value_text
+from grosmc_mj.ground.wording import counted
 
 # Types by pydantic's names of errors.
 _TYPES = {
@@ -67,8 +68,12 @@ def _words(mistake: Any, place: RefusedPlace) -> str:
         case "literal_error":
             choices = mistake["ctx"]["expected"].replace(" or ", ", ").split(",")
             return unknown_name(place.name, given, [choice.strip("' ") for choice in choices])
-        case "too_short" | "too_long":
-            return f"{place.name}: {message.removeprefix('List should have').strip()}"
+        case "too_short":
+            least = counted(mistake["ctx"]["min_length"], "entry", "entries")
+            return f"{place.name} = {value_text(given)} must have {least} at least"
+        case "too_long":
+            most = counted(mistake["ctx"]["max_length"], "entry", "entries")
+            return f"{place.name} = {value_text(given)} must have {most} at most"
         case "value_error":
             return f"{place.name}: {message.removeprefix('Value error, ')}"
     return f"{place.name} = {_written(kind, given)} {_must_be(mistake)}"

@@ -11,7 +11,7 @@ import numpy as np
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.logs.log import Log
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.ground.errors import ArgumentError, GrosmcError, SetupError
+from grosmc_mj.ground.errors import ArgumentError, GrosmcError, SetupError, name_list
 from grosmc_mj.ground.wording import titled, unit_after
 from grosmc_mj.identify.model import LogModel
 from grosmc_mj.identify.replay import Predictor
@@ -76,7 +76,8 @@ def prediction_errors(
         ArgumentError: If none of them can follow it.
     """
     rows = []
-    notes = []
+    # Rungs by what follows their names in a note.
+    noted: dict[str, list[str]] = {}
     for name, rung in rungs.items():
         system = rung.plant.system
         predictor = Predictor.leading(log, horizon, rung.plant.step_length or timestep)
@@ -88,17 +89,20 @@ def prediction_errors(
             # No rung would run here.
             raise
         except GrosmcError as error:
-            notes.append(f"{name} cannot follow the log: {error}")
+            noted.setdefault(f" cannot follow the log: {error}", []).append(name)
             continue
         if rung.disturbances and _move_nothing(predictor, rung, starts, states):
-            notes.append(f"{name}: no disturbance of the case moves anything along this log")
+            idle = ": no disturbance of the case moves anything along this log"
+            noted.setdefault(idle, []).append(name)
         errors = predictor.errors(states, rung)
         of_rung = _rung_errors(name, predictor, errors, system, horizon)
         rows += of_rung
         diverging = [row.state for row in of_rung if row.diverges]
         if diverging:
-            notes.append(f"{name}: the prediction of {', '.join(diverging)} diverges")
+            diverges = f": the prediction of {', '.join(diverging)} diverges"
+            noted.setdefault(diverges, []).append(name)
 
+    notes = [f"{name_list(names)}{words}" for words, names in noted.items()]
     if not rows:
         raise ArgumentError("; ".join(notes))
     return rows, notes

@@ -100,6 +100,10 @@ def test_a_mistake_in_the_text_is_one_line(tmp_path: Path, lines: str, words: st
     [
         (PLANT + LAW, "there is no [run]: it has the keys start, duration"),
         (PLANT + RUN, "there is no [[controller]]: it has the keys law, switching"),
+        (
+            "controller = []\n" + PLANT + RUN,
+            "controller = [] must have 1 entry at least: there is no [[controller]]: it has the",
+        ),
     ],
 )
 def test_a_missing_table_is_shown_with_its_own_keys(tmp_path, tables, words) -> None:
@@ -121,6 +125,7 @@ def controlled(law: str, **numbers: Any) -> dict[str, Any]:
 
 
 RUNS = [
+    ({"plant": {"compare": []}}, "compare = [] must have 1 entry at least: name one, or leave"),
     ({"plant": {"system": 3}}, "plant: system = 3 must be a text in quotes"),
     ({"plant": {"sytem": "arm"}}, "plant: unknown key 'sytem': did you mean 'system'?"),
     ({"plant": {"model": "arm.xml"}}, "give one of system, model and plant, not"),

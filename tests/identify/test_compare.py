@@ -190,11 +190,12 @@ def test_a_disturbance_of_the_case_acts_at_its_time_in_the_log(profile: Any) -> 
     assert errors_of(LogModel(SERVO), log).max() > 1e-2
 
 
-def test_a_disturbance_that_moves_nothing_is_noted() -> None:
+def test_a_disturbance_that_moves_nothing_is_noted_once() -> None:
     about_z = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
     idle = LogModel(SERVO, disturbances=(Disturbance("rotor", about_z),))
-    _, notes = prediction_errors({"physics": idle}, exact_log(idle), 1.0, TIMESTEP)
-    assert notes == ["physics: no disturbance of the case moves anything along this log"]
+    rungs = {"physics": idle, "loop": idle}
+    _, notes = prediction_errors(rungs, exact_log(idle), 1.0, TIMESTEP)
+    assert notes == ["physics, loop: no disturbance of the case moves anything along this log"]
 
 
 def fit_of_case(path: Path, log: Log) -> Fit:

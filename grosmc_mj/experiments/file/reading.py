@@ -95,6 +95,8 @@ def _lines(refused: ValidationError) -> list[str]:
             lines.append(where + _unknown(location, key, keys, mistake["input"]))
         elif mistake["type"] == "list_type" and isinstance(mistake["input"], dict):
             lines.append(f"[{key}] is one of possibly several: write [[{key}]]")
+        elif mistake["type"] == "too_short" and mistake["ctx"]["min_length"] == 1:
+            lines.append(where + _empty(key, location, keys))
         else:
             lines.append(line_of(mistake, RefusedPlace(key, "key", keys, where)))
     return lines
@@ -119,6 +121,14 @@ def _missing(key: str, loc: Sequence[Any], keys: Sequence[str]) -> str:
     if get_origin(field.annotation) is list:
         header = f"[[{key}]]"
     return f"there is no {header}: it has the keys {', '.join(table.model_fields)}"
+
+
+def _empty(key: str, location: Sequence[Any], keys: Sequence[str]) -> str:
+    """Return the words on an empty list: of tables that must be there, or of a key's values."""
+    line = f"{key} = [] must have 1 entry at least"
+    if len(location) == 1:
+        return f"{line}: {_missing(key, location, keys)}; write that in place of {key} = []"
+    return f"{line}: name one, or leave {key} out"
 
 
 def _path(loc: Sequence[Any]) -> tuple[list[str], list[str]]:

@@ -195,6 +195,7 @@ def test_a_wrong_plant_is_refused(changes: dict[str, Any], words: str) -> None:
         (lambda: plant().changed(a=np.nan), "a = nan must be finite"),
         (lambda: chain().jacobian([0.0] * 3, [0.0]), r"x has shape \(3,\), u \(1,\)"),
         (lambda: linear_lqr(task(chain(f2=-9.8))), r"no equilibrium without input.*-9\.8"),
+        (lambda: linear_lqr(task(chain(f2=-9.8))), r'with law = "fl-lqr" in a table \[laws'),
         (lambda: task(chain(), 3), r"relative degrees \(2,\), the reference has"),
         (lambda: task(chain(), 2, 2), r"relative degrees \(2,\), the reference has"),
         (

@@ -297,8 +297,8 @@ class ErrorCoordinates(OutputCoordinates):
         if np.abs(alpha).max() > _AT_REST:
             raise GainError(
                 f"{self.system.name}: zero error is no equilibrium without input, "
-                f"z' = {array_text(alpha)} there: linearize by feedback, as fl-lqr does instead of "
-                "lqr"
+                f"z' = {array_text(alpha)} there: linearize by feedback, with law = "
+                '"fl-lqr" in a table [laws.NAME] and law = "NAME" in [[controller]]'
             )
 
         # alpha + E u depends on z through x = T^-1(z), at u = 0; a sign of z cancels.
