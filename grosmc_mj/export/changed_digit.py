@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 
 from grosmc_mj.export.compiler import CompiledLaw, compile_law, write_law
@@ -11,12 +13,15 @@ from grosmc_mj.export.law import LawInC
 # Relative change of the number: its seventh digit.
 _CHANGE = 1e-6
 _DECIMAL = r"(?<![\w.])\d+\.\d+(?:e[+-]?\d+)?"
+# Numbers that are changed, one after the other, until a change is noticed: the first ones of a
+# robot are indices and axes, some of which no input depends on.
+_MOST = 40
 
 
-def changed_source(law: LawInC) -> str | None:
-    """Return the text of NAME.c with one number changed; None if it has no number to change.
+def changed_sources(law: LawInC) -> Iterator[str]:
+    """Yield the text of NAME.c with one number changed, which is not zero: the next one each time.
 
-    It is the first number of the law that is not zero or, of a law without numbers, of its code.
+    They are the numbers of the law or, of a law without numbers, of its code.
     """
     source = law.source
     if law.numbers.members:
@@ -27,12 +32,11 @@ def changed_source(law: LawInC) -> str | None:
         number = float(match[0])
         if number != 0.0:
             changed = repr(number * (1.0 + _CHANGE))
-            return source[: begin + match.start()] + changed + source[begin + match.end() :]
-    return None
+            yield source[: begin + match.start()] + changed + source[begin + match.end() :]
 
 
-def compile_changed(law: LawInC, folder: Path, compiler: str) -> CompiledLaw | None:
-    """Compile the law with one number changed; None if it has no number to change.
+def compile_changed(law: LawInC, folder: Path, compiler: str) -> Iterator[CompiledLaw]:
+    """Yield the law compiled with one number changed, the next one each time.
 
     Args:
         law: The law.
@@ -42,9 +46,9 @@ def compile_changed(law: LawInC, folder: Path, compiler: str) -> CompiledLaw | N
     Raises:
         SetupError: If it does not compile.
     """
-    source = changed_source(law)
-    if source is None:
-        return None
-    _, path = write_law(law, folder)
-    path.write_text(source, encoding="utf-8")
-    return compile_law(law, folder, compiler)
+    for number, source in enumerate(islice(changed_sources(law), _MOST)):
+        own = folder / str(number)
+        own.mkdir()
+        _, path = write_law(law, own)
+        path.write_text(source, encoding="utf-8")
+        yield compile_law(law, own, compiler)

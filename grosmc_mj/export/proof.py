@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -83,7 +83,7 @@ class Proof:
         runs: Runs of the case.
         random_plants: Runs on random plants.
         random_states: Samples of the law alone at random states.
-        blind: Whether one changed digit of the C was not noticed.
+        blind: Whether no changed digit of the C was noticed.
         largest: Largest difference of an input; None where all are equal.
         early_end: Words on the last run that one of the laws ended earlier; empty if there is none.
         verdicts: Verdicts on the runs of the case.
@@ -193,7 +193,7 @@ def prove(
     compiled: RunningLaw,
     plants: int = 1000,
     advance: Callable[[str, int], None] = lambda text, by: None,
-    changed: RunningLaw | None = None,
+    changed: Iterable[RunningLaw] = (),
 ) -> Proof:
     """Run an exported law beside the Python law.
 
@@ -207,7 +207,8 @@ def prove(
         plants: Number of random plants, of the case's ``[[uncertain]]`` tables or else of the
             system's campaign.
         advance: Told the progress: text and number of runs.
-        changed: The export with one digit changed, which must differ; None for no such check.
+        changed: The export with one digit changed, each time of another number: one of them must
+            differ; none for no such check.
 
     Returns:
         The comparison.
@@ -228,8 +229,10 @@ def prove(
 
     if law.loop is None:
         _prove_at_random_states(proof, experiment, law, compiled)
-    if changed is not None:
-        proof.blind = not _notices(experiment, law, compiled, changed)
+    for other in changed:
+        proof.blind = not _notices(experiment, law, compiled, other)
+        if not proof.blind:
+            break
 
     uncertain = uncertain_experiment(experiment)
     if uncertain is None:
