@@ -102,7 +102,7 @@ def test_a_mistake_in_the_text_is_one_line(tmp_path: Path, lines: str, words: st
         (PLANT + RUN, "there is no [[controller]]: it has the keys law, switching"),
         (
             "controller = []\n" + PLANT + RUN,
-            "controller = [] must have 1 entry at least: there is no [[controller]]: it has the",
+            "controller = [] must have 1 entry at least: write a table [[controller]] in its",
         ),
     ],
 )

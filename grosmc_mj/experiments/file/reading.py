@@ -96,7 +96,7 @@ def _lines(refused: ValidationError) -> list[str]:
         elif mistake["type"] == "list_type" and isinstance(mistake["input"], dict):
             lines.append(f"[{key}] is one of possibly several: write [[{key}]]")
         elif mistake["type"] == "too_short" and mistake["ctx"]["min_length"] == 1:
-            lines.append(where + _empty(key, location, keys))
+            lines.append(where + _empty(key, location))
         else:
             lines.append(line_of(mistake, RefusedPlace(key, "key", keys, where)))
     return lines
@@ -123,11 +123,13 @@ def _missing(key: str, loc: Sequence[Any], keys: Sequence[str]) -> str:
     return f"there is no {header}: it has the keys {', '.join(table.model_fields)}"
 
 
-def _empty(key: str, location: Sequence[Any], keys: Sequence[str]) -> str:
+def _empty(key: str, location: Sequence[Any]) -> str:
     """Return the words on an empty list: of tables that must be there, or of a key's values."""
     line = f"{key} = [] must have 1 entry at least"
-    if len(location) == 1:
-        return f"{line}: {_missing(key, location, keys)}; write that in place of {key} = []"
+    table = _model_in(CaseFile.model_fields[key].annotation) if len(location) == 1 else None
+    if table is not None:
+        known = ", ".join(table.model_fields)
+        return f"{line}: write a table [[{key}]] in its place, with some of the keys {known}"
     return f"{line}: name one, or leave {key} out"
 
 
