@@ -22,7 +22,7 @@ from grosmc_mj.experiments.file.shipped import shipped_files
 MACHINE_WORDS = (
     "transmission of shaft: inertia 0.002031 kg m^2, stiffness 100 N m/rad*,",
     "motor of current: constant 0.00768 N m/A, resistance 2.6 ohm,",
-    "assumed of it:",
+    "assumed numbers of the loop (computing: delay, jitter, missed)",
 )
 
 

@@ -215,7 +215,7 @@ def test_a_run_answers_which_requirement_is_nearest_and_where_each_law_breaks(ju
     (answer,) = result.answers
     assert answer.verdict == "not kept"
     assert answer.words == "1 of 2 requirements is not kept"
-    assert answer.more == "tightest: stays within 0.1 rad: 0.5 rad by lqr on corrected"
+    assert answer.more == "tightest requirement: stays within 0.1 rad (0.5 rad by lqr on corrected)"
     (standing,) = result.standings
     assert (standing.law, standing.breaks_at) == ("lqr", "corrected")
     assert standing.words == "stays within 0.1 rad: 0.5 rad"

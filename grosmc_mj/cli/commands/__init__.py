@@ -53,7 +53,7 @@ COMMANDS: Mapping[str, Entry | Subcommands] = {
     "view": Entry("view:ViewCommand", "Watch a case in MuJoCo's window, and pull at it."),
     "validate": Entry(
         "validate:ValidateCommand",
-        "Run the chapter's cases: do they come out as recorded?",
+        "Run the book chapter's cases: do they come out as recorded?",
     ),
     "claims": CLAIMS,
     "study": STUDIES,
@@ -74,7 +74,7 @@ COMMANDS: Mapping[str, Entry | Subcommands] = {
 }
 # Summaries of the groups of commands.
 GROUPS = {
-    "claims": "Judge the chapter's claims; or sweep, premises.",
+    "claims": "Judge the book chapter's claims, or check its premises.",
     "study": "Measure tolerances, margins, the worst disturbance ...",
 }
 
@@ -84,8 +84,9 @@ ABOUT = (
     "It applies to mechanisms of hinges and slides that torques or forces drive: the package's "
     "servo, cart_pendulum, arm and two_link_arm, each as equations, in MuJoCo and as a machine; "
     "your own robot (MJCF); equations that are affine in the input; logs of a machine. Laws: LQR, "
-    "LQI, PID, ADRC, adaptive control, GROSMC (LQR made robust by an integral sliding surface), or "
-    "your own Python. Not to tasks in contact, wheeled or flying robots, or links that bend.\n\n"
+    "LQI, PID, ADRC, adaptive control, GROSMC (LQR made robust by an integral sliding surface; "
+    "from a book chapter, which validate and claims check), or your own Python. It does not apply "
+    "to tasks in contact, wheeled or flying robots, or links that bend.\n\n"
     "Try first:\n"
     "  grosmc-mj run cart_pendulum/case1   does this case meet its requirements?\n"
     "  grosmc-mj new mine                  write a case file to change\n"

@@ -150,7 +150,7 @@ def _loop_lines(experiment: Experiment) -> list[str]:
         return []
 
     lines = [
-        "in its loop: y is the true state, u the input that is applied; s is computed from the "
+        "control loop: y is the true state, u the input that is applied; s is computed from the "
         "measured state, J from the input that the law demands"
     ]
     numbers = [number for number in assumed_numbers(experiment) if number.kind in LOOP_PARTS]
@@ -159,7 +159,7 @@ def _loop_lines(experiment: Experiment) -> list[str]:
         # The computer is its own owner.
         assumed.append(words if kind == "computing" else f"{kind} {words}")
     if assumed:
-        lines.append(f"assumed of it: {'; '.join(assumed)}")
+        lines.append(f"assumed numbers of the loop ({'; '.join(assumed)})")
     lines.extend(loop.words(experiment.nominal.system))
     return lines
 
@@ -170,7 +170,7 @@ def _machine_lines(experiment: Experiment) -> list[str]:
     if not parts:
         return []
 
-    lines = ["on its machine, in physics alone; no law knows of (* is assumed):"]
+    lines = ["machine, in MuJoCo alone; no law knows these parts (*: an assumed number):"]
     file = experiment.file
     system = experiment.nominal.system
     voltages = voltage_inputs_of_file(file, system)

@@ -27,16 +27,16 @@ if TYPE_CHECKING:
 
 @command
 class ValidateCommand(AnsweringCommand):
-    """Run the chapter's cases and say whether they come out as recorded.
+    """Run the cases of the book chapter and say whether they come out as recorded.
 
-    Every case of each SYSTEM (servo, cart_pendulum, arm, two_link_arm; all of them, if none is
-    named) runs on the analytic plants (the chapter's printed equations where they are misprinted,
-    and the corrected ones) and in MuJoCo, under LQR, GROSMC and what else its system has. Figures
-    (PNG and SVG, numbered as in the chapter) and validation.json go to --out. The claims of the
-    chapter are judged as by grosmc-mj claims.
+    Every case of each SYSTEM (servo, cart_pendulum, arm, two_link_arm; by default all) runs in
+    MuJoCo, on the chapter's equations with its misprints corrected and, where it has misprints, on
+    the printed ones too, under LQR, GROSMC and the other laws of the case. Results are compared
+    with those that the package has recorded. Figures (PNG and SVG, numbered as in the chapter) and
+    validation.json go to --out. The claims of the chapter are judged too, as by grosmc-mj claims.
 
-    Exit code: 0 if every result and verdict is as the repository has it, 1 if one differs, 2 if the
-    command or the set-up is wrong.
+    Exit code: 0 if every result and verdict is as recorded, 1 if one differs, 2 if the command or
+    the set-up is wrong.
 
     Attributes:
         targets: Systems to run, or cases of them.

@@ -172,7 +172,8 @@ def _answer(
     tightest = ""
     if judgements:
         nearest = max(judgements, key=lambda item: item.share)
-        tightest = f"tightest: {_measured(nearest)} by {nearest.controller} on {nearest.plant}"
+        by = f"{_outcome(nearest)} by {nearest.controller} on {nearest.plant}"
+        tightest = f"tightest requirement: {nearest.requirement.words} ({by})"
     return Answer(
         question=f"Run of {target}",
         verdict=verdict,
@@ -227,18 +228,21 @@ def run_standings(target: str, rows: Sequence[Verdict], *, complete: bool) -> It
 
 def _measured(item: Judgement) -> str:
     """Return a requirement with its measured value or margin, in the unit of the file."""
-    requirement = item.requirement
+    return f"{item.requirement.words}: {_outcome(item)}"
+
+
+def _outcome(item: Judgement) -> str:
+    """Return the measured value or the margin of a requirement, in the unit of the file."""
     if item.margin is None:
-        reason = item.note.partition(";")[0]
-        return f"{requirement.words}: {reason or 'not measured'}"
+        return item.note.partition(";")[0] or "not measured"
 
     noun = ""
     value = item.measured
     if value is None:
         noun = "margin "
         value = item.margin
-    value, unit = requirement.in_file_unit(value)
-    return f"{requirement.words}: {noun}{number(value)}{unit_after(unit)}"
+    value, unit = item.requirement.in_file_unit(value)
+    return f"{noun}{number(value)}{unit_after(unit)}"
 
 
 def _judgement_document(item: Judgement) -> dict[str, Any]:

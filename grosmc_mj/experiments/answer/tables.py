@@ -99,6 +99,8 @@ def results_table(results: Sequence[RunResult], draws: int = 1) -> Table:
     outputs = [Signal(error.names[row], "y", error.units[row]) for row in error.output_rows]
     which = f", draw 0 of {draws}" if draws > 1 else ""
     title = f"{system.title}{which}: y = {_signals(outputs)}; u = {_signals(system.inputs)}"
+    if weighed:
+        title += "; y*, J*: nominal optimum"
     return table(title, columns, rows, styles=styles)
 
 

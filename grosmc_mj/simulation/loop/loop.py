@@ -13,7 +13,7 @@ import numpy as np
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, Mistakes, unknown_name
 from grosmc_mj.ground.fields import Items, Range, checked, range_of
-from grosmc_mj.ground.wording import spelled
+from grosmc_mj.ground.wording import spelled, unit_after
 from grosmc_mj.simulation.loop.actuators import Actuator
 from grosmc_mj.simulation.loop.computer import Computing
 from grosmc_mj.simulation.loop.counter import uniform
@@ -286,7 +286,10 @@ def _words(part: Part, system: System, of: str) -> Iterator[str]:
     if isinstance(part, Estimator):
         words = f"estimated by {part.law}"
         if part.law in TUNED_BY:
-            words += f" with {spelled(TUNED_BY[part.law])} {part.number:.4g}"
+            tuned_by = TUNED_BY[part.law]
+            bounds = range_of(type(part), tuned_by)
+            unit = unit_after(bounds.unit_in(system, of)) if bounds else ""
+            words += f" with {spelled(tuned_by)} {part.number:.4g}{unit}"
         if not part.settled:
             words += ", from rest"
         yield words

@@ -187,4 +187,4 @@ def test_the_words_of_a_loop_have_its_numbers_in_their_units() -> None:
     begun = Estimator((SPEED,), law="eso", bandwidth=40.0, settled=False)
     lines = Loop(computing=Computing(missed=0.05), estimators=(begun,)).words(SERVO)
     assert "computer: 5 % of the outputs missed" in lines
-    assert any("estimated by eso with bandwidth 40, from rest" in line for line in lines)
+    assert any("estimated by eso with bandwidth 40 rad/s, from rest" in line for line in lines)
