@@ -32,7 +32,7 @@ from grosmc_mj.ground.units import rate_unit
 from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.mechanics.physics.hooks import warnings_counted_only
 from grosmc_mj.mechanics.robots.coordinates import RobotCoordinates
-from grosmc_mj.mechanics.robots.nominal import bias, inertia
+from grosmc_mj.mechanics.robots.nominal import bias, gears, inertia
 from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.theory.control.controller import Controller
 from grosmc_mj.theory.control.reaching import gain_margin
@@ -234,10 +234,10 @@ def _headroom(law: Controller, plant: Any, points: Balance) -> Premise:
     error = cast(RobotCoordinates, law.designed.error)
     limits = plant.input_limits
     with np.errstate(over="ignore", invalid="ignore"):
-        torque, reserve = _reference_torques(law, points)
-        alone = _headroom_shares(torque, limits)
-        low = _headroom_shares(torque - reserve, limits)
-        high = _headroom_shares(torque + reserve, limits)
+        u, reserve = _reference_inputs(law, points)
+        alone = _headroom_shares(u, limits)
+        low = _headroom_shares(u - reserve, limits)
+        high = _headroom_shares(u + reserve, limits)
     worst = np.maximum(low, high)
 
     joints = []
@@ -263,18 +263,19 @@ def _headroom(law: Controller, plant: Any, points: Balance) -> Premise:
     )
 
 
-def _reference_torques(law: Controller, points: Balance) -> tuple[Array, Array]:
-    """Nominal inverse dynamics along the reference, and |M| rho of switching, (N, m) each."""
+def _reference_inputs(law: Controller, points: Balance) -> tuple[Array, Array]:
+    """Inputs of nominal inverse dynamics along the reference, and of |M| rho, (N, m) each."""
     error = cast(RobotCoordinates, law.designed.error)
-    torque = []
+    gear = gears(error.model)
+    u = []
     reserve = []
     for t, rate in zip(points.t.tolist(), points.configured, strict=True):
         reference = error.reference(t, law.parameters.reference)
         y_r, dy_r, ddy_r = np.reshape(reference, (-1, 3)).T
         M = inertia(error.model, y_r)
-        torque.append(M @ ddy_r + bias(error.model, y_r, dy_r))
-        reserve.append(np.abs(M).sum(axis=1) * rate)
-    return np.array(torque), np.array(reserve)
+        u.append((M @ ddy_r + bias(error.model, y_r, dy_r)) / gear)
+        reserve.append(np.abs(M).sum(axis=1) * rate / np.abs(gear))
+    return np.array(u), np.array(reserve)
 
 
 def _headroom_shares(torque: Array, limits: Array) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from own_files import LEG
 
+from grosmc_mj.experiments.assumptions.robot import audits
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import GrosmcError
@@ -104,6 +105,7 @@ def test_the_inputs_limits_are_those_of_the_model_and_the_supply_in_volts(tmp_pa
 def leg(folder: Path, *motors: dict[str, Any], **tables: Any) -> Experiment:
     """A leg with a motor on each joint, whose laws know that of the hip by its voltage."""
     model = LEG.replace("<position", "<motor").replace('kp="50"', "")
+    model = model.replace('gear="10"', 'gear="10" ctrlrange="-6 6"')
     (folder / "leg.xml").write_text(model, encoding="utf-8")
     return cases.case(
         "leg.xml",
@@ -160,6 +162,22 @@ def test_a_log_has_the_voltage_itself(tmp_path: Path) -> None:
     """The command of the MJCF's motor, with its gear of 10, is no torque any more."""
     assert dict(leg(tmp_path).nominal.gears) == {"hip": 10.0, "knee": 1.0}
     assert dict(leg(tmp_path, HIP).nominal.gears) == {"knee": 1.0}
+
+
+def test_the_reference_takes_the_same_share_of_a_limit_in_volts_as_in_torque(
+    tmp_path: Path,
+) -> None:
+    """At rest, where no back-EMF acts, and without a rotor, which laws of torques do not know."""
+    margins = []
+    for law_input in ("torque", "voltage"):
+        motor = HIP | {"inertia": "0 kg m^2", "law_input": law_input}
+        case = leg(tmp_path, motor, controller={"law": "grosmc", "k": 5, "epsilon": 2})
+        (audit,) = audits([case.run()])
+        (headroom,) = [item for item in audit.premises if item.name == "torque headroom"]
+        assert headroom.along is not None
+        margins.append(headroom.along.margin)
+    assert 0.2 < margins[0] < 0.9
+    assert margins[0] == pytest.approx(margins[1], rel=1e-9)
 
 
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {
