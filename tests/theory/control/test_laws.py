@@ -100,7 +100,7 @@ def free_sliding(plant: Any, ctl: Controller, design: str, T: float) -> float:
         plant,
         smooth,
         of_design(design).x0,
-        duration=2.0,
+        duration=1.0,
         control_period=T,
         timestep=T,
         engine="python",
