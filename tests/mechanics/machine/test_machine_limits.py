@@ -166,6 +166,29 @@ def rotor_about(joint: list[float]) -> mujoco.MjSpec:
 PART_OF_ROTOR = Transmission("shaft", inertia=0.01, stiffness=1e3, added=False)
 
 
+def test_an_inertia_is_taken_off_an_armature_that_is_large_enough() -> None:
+    spec = rotor_about([0.0, 0.3, 0.2])
+    spec.joint("shaft").armature = 0.03
+    PART_OF_ROTOR.write(spec, spec.compile())
+    assert spec.joint("shaft").armature == pytest.approx(0.02)
+    assert spec.body("rotor").inertia[1] == pytest.approx(0.06)
+
+
+def test_an_inertia_of_a_slide_is_taken_off_its_body_s_mass() -> None:
+    belt = Transmission("slider", inertia=0.4, stiffness=1e4, added=False)
+    nominal = MujocoPlant.load("cart_pendulum")
+    carts = [plant.model.body("cart").mass[0] for plant in (nominal, nominal.changed(belt))]
+    assert carts[1] == pytest.approx(carts[0] - 0.4)
+
+
+def test_an_inertia_is_that_about_the_joint_s_axis_however_the_principal_axes_lie() -> None:
+    """They are cyclically swapped: the first one, of 0.05 kg m^2, is the joint's."""
+    spec = rotor_about([0.0, 0.3, 0.2])
+    spec.body("rotor").iquat = [0.5, 0.5, 0.5, 0.5]
+    PART_OF_ROTOR.write(spec, spec.compile())
+    assert spec.body("rotor").inertia == pytest.approx([0.04, 0.048, 0.056])
+
+
 def test_an_inertia_is_taken_off_a_rotor_whose_mass_lies_on_its_axis() -> None:
     """The axis is the joint's, wherever the body's frame is."""
     spec = rotor_about([0.0, 0.3, 0.2])

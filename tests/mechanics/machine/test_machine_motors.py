@@ -17,6 +17,7 @@ from grosmc_mj.mechanics.machine import Motor, Transmission
 from grosmc_mj.mechanics.physics.edit import Edit
 from grosmc_mj.mechanics.physics.edits import BodyEdit, InputEdit, JointEdit
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.theory.plants import SERVO
 
 # Constant [N m/A], resistance [ohm], inductance [H], gear, voltage [V] and bandwidth [rad/s].
 K = 7.68e-3
@@ -155,6 +156,15 @@ def test_a_winding_is_a_hidden_state_with_its_lag() -> None:
     assert [(state.name, state.unit) for state in plant.hidden_states] == [("current winding", "A")]
     tau = time_constant(currents(plant, V / R, 2e-3), V / R)
     assert tau == pytest.approx(L / R, rel=0.01)
+
+
+def test_an_input_has_the_narrower_of_the_model_s_limits_and_the_amplifier_s() -> None:
+    """A voltage V gives N K V/R at rest; behind the efficiency it asks for more of the winding."""
+    spec = MujocoPlant.load("servo").spec.copy()
+    spec.actuators[0].ctrlrange = (-0.1, 3.0)
+    spec.actuators[0].ctrllimited = True
+    (low,), (high,) = MujocoPlant(SERVO, spec, (motor(voltage=V, efficiency=0.7),)).input_limits
+    assert (low, high) == pytest.approx((-0.1, 0.7 * N * K * V / R / GEAR))
 
 
 def test_a_motor_runs_at_its_no_load_speed() -> None:

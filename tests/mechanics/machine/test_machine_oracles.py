@@ -153,7 +153,7 @@ def test_restitution_is_continuous_at_critical_damping(ratio: float) -> None:
 
 
 def test_a_wall_gives_back_its_restitution() -> None:
-    """The pole turns as well: the ball's own speed counts."""
+    """1 m above the hinge of a pole, which turns as well: the speed of the ball counts."""
     part = Wall("pole", 0.02, at=(0, 0, 1), point=(0.5, 0, 0), normal=(-1, 0, 0), restitution=0.5)
     model = MujocoPlant.load("cart_pendulum", edits=(part,), timestep=1e-4).model
     model.opt.gravity[:] = 0
@@ -169,4 +169,6 @@ def test_a_wall_gives_back_its_restitution() -> None:
         touched = touched or data.ncon > 0
         assert data.time < 1
     assert (data.geom_xpos[ball, 0] - before) / 1e-4 == pytest.approx(-0.5, rel=0.02)
+    hinge = data.body("pole").xpos
+    assert data.geom_xpos[ball] - [0.48, *hinge[1:]] == pytest.approx([0, 0, 1], abs=5e-3)
     assert abs(data.qvel[1]) > 0.1

@@ -15,6 +15,7 @@ from looped import ANGLE, CURRENT, SPEED, H, played, seen
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.simulation.loop import Actuator, Computing, Estimator, Loop, Sensor
 from grosmc_mj.simulation.loop.counter import normal, uniform
+from grosmc_mj.simulation.loop.timing import time_as_run
 from grosmc_mj.theory.plants import SERVO
 
 EPS = np.finfo(float).eps
@@ -148,6 +149,18 @@ def test_a_loop_is_its_description_sample_by_sample(
     rounding = 100 * EPS * 6
     expected = actuated(actuator, arrived)
     np.testing.assert_allclose(run.input, expected, rtol=0, atol=rounding)
+
+
+def test_a_time_whose_quotient_lies_just_below_a_whole_number_is_that_number() -> None:
+    """0.043 s over 0.001 s is 42.99999999999999 in binary."""
+    run = played(np.ones(45), Loop(Computing(delay=0.043)))
+    assert run.input.tolist() == [0.0] * 43 + [1.0] * 2
+
+
+@pytest.mark.parametrize(("name", "expected"), [("delay", 9e-3), ("jitter", 3e-3)])
+def test_a_varied_time_is_a_multiple_of_the_timestep(name: str, expected: float) -> None:
+    """Jitter stays shorter than the control period."""
+    assert time_as_run(name, 9.4e-3, H, 4e-3) == pytest.approx(expected)
 
 
 def test_a_reading_beyond_2_to_52_steps_is_not_rounded() -> None:

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
+import sympy as sp
 from looped import CURRENT, H, nominal, played, seen, servo
 
+import grosmc_mj as gm
 from grosmc_mj.experiments.experiment import run_on
 from grosmc_mj.simulation.disturbances import Disturbance
 from grosmc_mj.simulation.loop import Actuator, AppliedLoop, Computing, Loop, Sensor, apply_loop
+from grosmc_mj.simulation.loop.counter import uniform
+from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
-from grosmc_mj.theory.plants import SERVO
+from grosmc_mj.theory.control.design import linear_lqr
+from grosmc_mj.theory.control.task import state_task
+from grosmc_mj.theory.plants import SERVO, AnalyticPlant, OperatingPoint
 
 
 def dead_time(loop: AppliedLoop) -> float:
@@ -89,6 +97,48 @@ def test_a_load_that_the_model_lacks_is_learned(stride: int) -> None:
     assert error[0] == pytest.approx(missed, rel=1e-2)
     assert error[20 * steps // stride] / error[0] == pytest.approx(np.exp(-2), rel=0.1)
     assert abs(error[-1] / error[0]) < 1e-3
+
+
+def test_a_prediction_has_the_inputs_within_the_limit_that_it_knows() -> None:
+    """Of 1 A in each of 3 timesteps it counts 0.2 A, though all of it will act: h Kt u/J each."""
+    known = Loop(Computing(delay=3 * H), actuators=(Actuator(CURRENT, limit=0.2),))
+    run = played(np.ones(4), Loop(Computing(delay=3 * H)), known=known, modelled=True, predict=True)
+    p = servo().parameters
+    assert run.memory["x"][3, 1] == pytest.approx(3 * H * 0.2 * p.Kt / p.J, rel=1e-2)
+
+
+def held_plant() -> AnalyticPlant:
+    """x' = u - x, which rests at 2 under an input of 2."""
+    x = sp.Symbol("x")
+    return gm.affine_plant(
+        "held", states={"x": "m"}, inputs={"u": "m/s"}, f=[-x], g=[1], h=[x], parameters={}
+    )
+
+
+@pytest.mark.parametrize("predict", [False, True])
+def test_before_the_first_output_arrives_acts_the_input_that_holds_the_plant(predict: bool) -> None:
+    """The computer misses the first samples, too."""
+    plant = held_plant()
+    point = OperatingPoint(np.array([2.0]), np.array([2.0]))
+    law = linear_lqr(state_task(plant, np.eye(1), 1.0, point))
+    loop = apply_loop(Loop(Computing(delay=3 * H, missed=0.9)), law, plant.system, predict=predict)
+    assert uniform(loop.loop.seed, 0, 2, 0) < 0.9
+    run = simulate(plant, law, [2.0], duration=0.02, loop=loop, engine="python")
+    np.testing.assert_allclose(run.state, 2.0, rtol=1e-12)
+    np.testing.assert_allclose(seen(run), 2.0, rtol=1e-12)
+    np.testing.assert_allclose(run.command, 2.0, rtol=1e-12)
+
+
+def test_each_law_of_a_batch_predicts_by_its_own_model() -> None:
+    """On one thread, whose memory the runs share."""
+    plants = [servo(), servo().changed(scales={"J": 3.0})]
+    laws = [linear_lqr(state_task(plant, np.eye(2), 1.0)) for plant in plants]
+    late = Loop(Computing(delay=5 * H))
+    loops = [apply_loop(late, law, SERVO, predict=True) for law in laws]
+    options: dict[str, Any] = {"duration": 0.05, "threads": 1, "timestep": H}
+    batch = simulate(servo(), laws, [1.0, 0.0], loop=loops, **options)
+    alone = simulate(servo(), laws[1], [1.0, 0.0], loop=loops[1], **options)
+    np.testing.assert_array_equal(batch.state[1], alone.state)
 
 
 def predicting(loop: Loop) -> AppliedLoop:
