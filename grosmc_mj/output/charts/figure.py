@@ -49,6 +49,8 @@ _ROUNDING = 1e-4
 _ROOM = 0.1
 # Share of a panel's part of the figure that its title has, beside the names of its axis.
 _TITLE_SHARE = 0.85
+# Width of a legend beside the panels [inch].
+LEGEND_BESIDE = 1.6
 # Width of a legend's line and of the space around its label, in letters.
 _HANDLE = 7
 _MOST_COLUMNS = 3
@@ -163,7 +165,9 @@ def drawn(chart: Chart) -> Figure:
 def _write_texts(figure: Figure, chart: Chart) -> None:
     """Write the title of a chart and the note below it."""
     width = chart.size[0]
-    letters = letters_in(width, _TITLE_SIZE)
+    # The title is in the middle of the figure: it has a legend's room on both sides.
+    beside = 2 * LEGEND_BESIDE if chart.legend == "right" else 0.0
+    letters = letters_in(width - beside, _TITLE_SIZE)
     title = "\n".join(in_lines(line, letters) for line in chart.title.splitlines())
     if title:
         figure.suptitle(title, fontsize=_TITLE_SIZE)

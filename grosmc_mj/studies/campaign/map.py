@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grosmc_mj.ground.arrays import Array
-from grosmc_mj.ground.wording import counted
+from grosmc_mj.ground.wording import counted, titled
 from grosmc_mj.output.charts.chart import Chart, ChartAxis, Layer, Marks, Panel, Symbol
-from grosmc_mj.output.charts.figure import write_chart
+from grosmc_mj.output.charts.figure import LEGEND_BESIDE, write_chart
 from grosmc_mj.output.charts.of_results import panels_chart
 from grosmc_mj.output.palette import BLACK, SKY, VERMILION
 from grosmc_mj.studies.campaign.campaign import Campaign
@@ -21,9 +21,8 @@ from grosmc_mj.studies.campaign.folder import Folder
 from grosmc_mj.studies.campaign.radius import Radius, chart
 from grosmc_mj.studies.sweep.quantities import Quantity
 
-# Inches: a panel, the legend beside the panels, the texts above and below them.
+# Inches: a panel, and the texts above and below the panels.
 _PANEL = (4.4, 4.1)
-_LEGEND = 1.6
 _TEXTS = 1.0
 # Plants that a map shows.
 _MOST_PLANTS = 4096
@@ -140,9 +139,9 @@ def _in_shown_unit(campaign: Campaign, axis: Quantity, columns: Mapping[str, Arr
 
 
 def _title(axis: Quantity) -> str:
-    """Name and unit of a number, 1 for a factor."""
+    """Name and unit of a number; a factor has none."""
     unit, _ = axis.shown_unit
-    return f"{axis.name} [{unit or '1'}]"
+    return titled(axis.name, unit)
 
 
 def pass_map_chart(shown: PassMap, title: str, footnote: str) -> Chart:
@@ -159,7 +158,7 @@ def pass_map_chart(shown: PassMap, title: str, footnote: str) -> Chart:
                 name=f"{law}: {kept} of {len(margins)} kept",
             )
         )
-    size = (_PANEL[0] * len(panels) + _LEGEND, _PANEL[1] + _TEXTS)
+    size = (_PANEL[0] * len(panels) + LEGEND_BESIDE, _PANEL[1] + _TEXTS)
     return Chart([panels], title=title, size=size, note=footnote, legend="right", shared="xy")
 
 

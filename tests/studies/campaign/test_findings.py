@@ -302,14 +302,15 @@ def test_an_interval_is_rounded_outwards(low: float, high: float, shown: str) ->
 MARGINS = np.array([-INF, -INF, -0.5, 0.0, 0.5, 0.75, 1.0, 1.25])
 MAP_X = np.linspace(1, 4, 8)
 MAP_Y = np.linspace(-20, 20, 8)
-TITLES = ("mass scale [1]", "angle [deg]")
+TITLES = ("mass scale", "angle [deg]")
 
 
 @pytest.fixture(scope="module")
 def map_figure() -> Any:
     """The figure of a map of eight plants under two laws."""
     laws = {"grosmc": (MAP_X, MAP_Y, MARGINS), "lqr": (MAP_X, MAP_Y, MAP_X)}
-    return drawn(pass_map_chart(PassMap(TITLES, laws), "8 of 16 runs", NO_PROOF))
+    title = f"Arm: payload, length of the link, disturbance: {8 * 'all requirements '}"
+    return drawn(pass_map_chart(PassMap(TITLES, laws), title, NO_PROOF))
 
 
 @pytest.mark.parametrize(
@@ -323,6 +324,13 @@ def test_a_map_marks_plants_by_their_outcome(
     (legend,) = map_figure.legends
     assert mark.get_label() == legend.get_texts()[index].get_text() == outcome
     np.testing.assert_array_equal(mark.get_xydata(), np.stack([MAP_X, MAP_Y], axis=1)[plants])
+
+
+def test_the_title_of_a_map_does_not_reach_into_its_legend(map_figure: Any) -> None:
+    (legend,) = map_figure.legends
+    map_figure.draw_without_rendering()
+    title = map_figure._suptitle.get_window_extent()
+    assert title.x1 < legend.get_window_extent().x0
 
 
 def test_marks_of_a_map_differ_in_colour_and_form(map_figure: Any) -> None:

@@ -291,7 +291,7 @@ def test_a_map_shows_delays_as_they_are_run() -> None:
     np.testing.assert_array_equal(pass_map.runs["lqr"][:2], [[0.0, 3e-3], [80.0, 90.0]])
 
 
-def test_a_factor_has_the_unit_1_on_a_map() -> None:
+def test_a_factor_has_no_unit_on_a_map() -> None:
     scale, load = campaign(plain(*BOTH)).family.quantities
     titles = map_of(looped(), scale, [1.0, 2.0], load).titles
-    assert titles == ("rotor mass scale [1]", "load amplitude [1]")
+    assert titles == ("rotor mass scale", "load amplitude")
