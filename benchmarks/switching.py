@@ -263,7 +263,7 @@ def cases_table(runs: Sequence[CaseRun]) -> Table:
         for run in runs
         if run.control_period == SAMPLE_TIME
     ]
-    headers = ("max\n|x1-x1*|", "max|s|", "variation\nof u per s", "J of u\nover J*")
+    headers = ("max\n|y-y*|", "max|s|", "variation\nof u per s", "J of u\nover J*")
     columns = [*words("case", "law"), *numbers(*headers)]
     return table("Cases in MuJoCo", columns, rows, grouped=True)
 
@@ -271,9 +271,10 @@ def cases_table(runs: Sequence[CaseRun]) -> Table:
 def scalar_charts(by_time: Sequence[ScalarRun], by_ratio: Sequence[ScalarRun]) -> list[LineChart]:
     """Charts of the scalar: accuracy and variation over T, accuracy over r."""
     milliseconds = [1e3 * T for T in SAMPLE_TIMES]
+    bounds = ([W * T for T in SAMPLE_TIMES], [L * T**2 for T in SAMPLE_TIMES])
     ideal = [
-        Series(name="order 1: W T", x=milliseconds, y=[W * T for T in SAMPLE_TIMES]),
-        Series(name="order 2: L T²", x=milliseconds, y=[L * T**2 for T in SAMPLE_TIMES]),
+        Series(name="W T (order 1), L T² (order 2)", x=milliseconds, y=bound, bound=True)
+        for bound in bounds
     ]
     return [
         LineChart(
@@ -301,7 +302,7 @@ def case_charts(case: str, runs: Sequence[CaseRun]) -> list[LineChart]:
     system = Experiment.load(case).nominal.system
     output = system.positions[system.output].unit
     quantities = (
-        ("deviation", "max |x₁ - x₁*|", f"deviation [{output}]"),
+        ("deviation", "max |y − y*|", f"deviation [{output}]"),
         ("total_variation", "variation of u", f"variation of u [{system.input.unit}/s]"),
         ("cost", "J of the whole input", "J / J*"),
     )
