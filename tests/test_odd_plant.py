@@ -10,11 +10,13 @@ import json
 import math
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
 import scipy.linalg
+from cases import write
 from commands import run
 
 from grosmc_mj.experiments.experiment import Experiment
@@ -46,53 +48,41 @@ MODEL = """
 </mujoco>
 """
 HEAVIER = 1.4
-CASE = f"""
-title = "A plant without a neutral number"
-[plant]
-model = "odd.xml"
-[run]
-start = {{ swing = "0.3 rad", turn = "-0.2 rad", "swing rate" = "0.4 rad/s" }}
-duration = "0.3 s"
-control_period = "2 ms"
-timestep = "1 ms"
-[task]
-reference = ["0.2 + 0.1*sin(3*t)", "0.2*cos(2*t)"]
-Q = [90, 3, 40, 2]
-R = [2, 0.5]
-[[edit]]
-body = "wrist"
-mass_scale = {HEAVIER}
-[[disturbance]]
-body = "arm"
-torque = ["0 N m", "0.6 N m", "0 N m"]
-profile = "sine"
-frequency = "3 Hz"
-phase = "40 deg"
-onset = "0.05 s"
-label = "shake"
-[computing]
-delay = "3 ms"
-[[sensor]]
-of = "swing"
-delay = "2 ms"
-bias = "3 mrad"
-[[controller]]
-law = "lqr"
-[[controller]]
-law = "grosmc"
-k = 8
-epsilon = 9
-switching = "implicit"
-[[uncertain]]
-number = "edit.wrist.mass_scale"
-values = [0.8, 1.6]
-[[uncertain]]
-number = "computing.delay"
-values = ["1 ms", "4 ms"]
-[[requirement]]
-stays_within = "0.3 rad"
-after = "0.1 s"
-"""
+CASE: dict[str, Any] = {
+    "title": "A plant without a neutral number",
+    "run": {
+        "start": {"swing": "0.3 rad", "turn": "-0.2 rad", "swing rate": "0.4 rad/s"},
+        "duration": "0.3 s",
+        "control_period": "2 ms",
+        "timestep": "1 ms",
+    },
+    "task": {
+        "reference": ["0.2 + 0.1*sin(3*t)", "0.2*cos(2*t)"],
+        "Q": [90, 3, 40, 2],
+        "R": [2, 0.5],
+    },
+    "edit": {"body": "wrist", "mass_scale": HEAVIER},
+    "disturbance": {
+        "body": "arm",
+        "torque": ["0 N m", "0.6 N m", "0 N m"],
+        "profile": "sine",
+        "frequency": "3 Hz",
+        "phase": "40 deg",
+        "onset": "0.05 s",
+        "label": "shake",
+    },
+    "computing": {"delay": "3 ms"},
+    "sensor": {"of": "swing", "delay": "2 ms", "bias": "3 mrad"},
+    "controller": [
+        {"law": "lqr"},
+        {"law": "grosmc", "k": 8, "epsilon": 9, "switching": "implicit"},
+    ],
+    "uncertain": [
+        {"number": "edit.wrist.mass_scale", "values": [0.8, 1.6]},
+        {"number": "computing.delay", "values": ["1 ms", "4 ms"]},
+    ],
+    "requirement": {"stays_within": "0.3 rad", "after": "0.1 s"},
+}
 N = 2
 GEARS = np.array([3.0, -2.0])
 LATE_SAMPLES = 2
@@ -166,12 +156,15 @@ def wanted_acceleration(t: float, x: Array) -> Array:
     return acceleration - gain() @ error
 
 
+def write_odd(folder: Path, **tables: Any) -> Path:
+    """Write the case, with tables in place of its own."""
+    (folder / "odd.xml").write_text(MODEL)
+    return write(folder, "odd.xml", name="odd", **(CASE | tables))
+
+
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("odd")
-    (folder / "odd.xml").write_text(MODEL)
-    (folder / "odd.toml").write_text(CASE)
-    return folder / "odd.toml"
+    return write_odd(tmp_path_factory.mktemp("odd"))
 
 
 @pytest.fixture(scope="module")
@@ -260,19 +253,13 @@ def test_the_highest_rung_of_a_ladder_is_the_run_of_the_case(
     assert row.share == pytest.approx((judgement.measured or 0.0) / 0.3)
 
 
-# In place of what the case has.
-DRAWN_MASS = 1.1
-DRAWN_DELAY = 2e-3
-
-
 def test_a_plant_of_a_campaign_is_the_case_with_its_numbers(file: Path, tmp_path: Path) -> None:
+    """A mass scale of 1.1 and a delay of 2 ms in place of what the case has."""
     campaign = Campaign.load(str(file), runs=1)
-    outcome = evaluate(campaign, "lqr", np.array([[DRAWN_MASS, DRAWN_DELAY]]))
-
-    text = CASE.replace(f"mass_scale = {HEAVIER}", f"mass_scale = {DRAWN_MASS}")
-    text = text.replace('delay = "3 ms"', f'delay = "{DRAWN_DELAY} s"')
-    (tmp_path / "odd.xml").write_text(MODEL)
-    (tmp_path / "drawn.toml").write_text(text)
+    outcome = evaluate(campaign, "lqr", np.array([[1.1, 2e-3]]))
     (limit,) = outcome.limits
-    (judgement,) = Experiment.load(tmp_path / "drawn.toml").run(law="lqr").requirements
+
+    edit = {"body": "wrist", "mass_scale": 1.1}
+    drawn = write_odd(tmp_path, edit=edit, computing={"delay": "2 ms"})
+    (judgement,) = Experiment.load(drawn).run(law="lqr").requirements
     assert outcome[MARGIN + limit.name][0] == pytest.approx(judgement.margin, rel=1e-12)
