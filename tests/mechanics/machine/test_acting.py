@@ -8,9 +8,15 @@ from typing import Any
 import cases
 import numpy as np
 import pytest
+from open_loop import held
 
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.requirements.judging import judge_run, unfailing
+from grosmc_mj.mechanics.machine import Motor
+from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.simulation.acting import with_acting
+from grosmc_mj.simulation.disturbances import InputDisturbance
+from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory, load_trajectory
 from grosmc_mj.studies.sweep.runs import Row, run_rows
 
@@ -82,6 +88,24 @@ def test_a_voltage_gives_its_torque_less_the_back_emf(tmp_path: Path, ratio: flo
     expected = trajectory.input - (ratio * CONSTANT) ** 2 / RESISTANCE * speed
     np.testing.assert_allclose(acting, expected, rtol=1e-9, atol=1e-12)
     assert acting[0] == pytest.approx(trajectory.input[0], rel=1e-12)
+
+
+def test_a_disturbance_of_an_input_is_a_part_of_what_acts(tmp_path: Path) -> None:
+    push = InputDisturbance("voltage", -0.3)
+    experiment = disk(tmp_path, duration="50 ms").changed(disturbances=(push,))
+    trajectory, acting = trajectory_of(experiment)
+    emf = CONSTANT**2 / RESISTANCE * trajectory.state[:-1, 1]
+    np.testing.assert_allclose(acting, trajectory.input - 0.3 - emf, rtol=1e-9, atol=1e-12)
+
+
+def test_an_input_without_a_motor_acts_as_it_is() -> None:
+    motor = Motor("elbow_torque", CONSTANT, RESISTANCE)
+    plant = MujocoPlant.load("two_link_arm", edits=(motor,))
+    run = simulate(plant, held((1.0, -0.5)), [0.0] * 4, duration=0.05)
+    acting: Any = with_acting(run, plant).acting
+    np.testing.assert_array_equal(acting[:, 0], 1.0)
+    emf = CONSTANT**2 / RESISTANCE * run.state[:-1, 3]
+    np.testing.assert_allclose(acting[:, 1], -0.5 - emf, rtol=1e-9)
 
 
 def test_a_winding_gives_its_current_times_the_constant(tmp_path: Path) -> None:

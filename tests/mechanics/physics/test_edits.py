@@ -139,7 +139,8 @@ LOADED = """
   <worldbody><body name="link">
     <joint name="j" damping="0.5" frictionloss="0.1" armature="0.2"/>
     <geom type="box" size="0.1 0.2 0.3" pos="0.1 0 0.2" euler="10 20 30" mass="2"/>
-    <body name="horn" pos="0 0 0.4"><geom type="mesh" mesh="wedge" density="500"/></body>
+    <body name="horn" pos="0 0 0.4"><geom type="mesh" mesh="wedge" density="500"/>
+      <camera pos="0.1 0 0.2"/><light pos="0 0.3 0"/></body>
     <body name="one"><geom type="mesh" mesh="shared" density="500"/></body>
     <body name="two"><geom type="mesh" mesh="shared" density="500"/></body>
     <body name="point"/>
@@ -228,6 +229,12 @@ def test_a_mesh_of_the_body_s_own_is_scaled() -> None:
     expected = before.mesh_vert.copy()
     expected[: before.mesh_vertnum[0]] *= 2.0
     np.testing.assert_allclose(after.mesh_vert, expected, rtol=1e-6, atol=1e-9)
+
+
+def test_cameras_and_lights_of_a_scaled_body_move_with_it() -> None:
+    before, after = changed(HORN)
+    np.testing.assert_allclose(after.cam_pos, 2 * before.cam_pos)
+    np.testing.assert_allclose(after.light_pos, 2 * before.light_pos)
 
 
 @pytest.mark.parametrize(

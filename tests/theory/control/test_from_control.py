@@ -18,6 +18,10 @@ from grosmc_mj.theory.control.kinds.lqr import Lqr
 PERIOD = 5e-3
 LAG: Any = control.tf([2.0, 3.0], [0.1, 1.0])
 SAMPLED = control.ss([[0.9]], [[0.5]], [[-2.0]], [[1.5]], PERIOD)
+# Discrete at any sampling time, and a static gain, which has none.
+ANY_PERIOD = control.ss([[0.9]], [[0.5]], [[-2.0]], [[1.5]], True)
+GAIN: Any = control.tf([2.0], [1.0], dt=None)
+SAMPLED_GAIN = control.ss([[0.0]], [[0.0]], [[0.0]], [[2.0]], PERIOD)
 # Two outputs and inputs that are coupled.
 COUPLED = control.ss(
     [[0.9, 0.1], [-0.2, 0.8]], [[1, 0.2], [0, 1]], [[3, 1], [-1, 2]], [[5, 1], [0, 4]], PERIOD
@@ -33,6 +37,8 @@ def like(design: str) -> Controller:
     ("design", "sys", "sampled"),
     [
         ("servo", SAMPLED, SAMPLED),
+        ("servo", ANY_PERIOD, SAMPLED),
+        ("servo", GAIN, SAMPLED_GAIN),
         ("servo", LAG, control.sample_system(LAG, PERIOD, method="tustin")),
         (REGULATION, COUPLED, COUPLED),
     ],

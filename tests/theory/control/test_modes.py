@@ -56,6 +56,17 @@ def test_nothing_is_said_of_what_does_not_grow_or_is_reached(A: Array, B: Array)
     assert unreached_modes(A, B, LEAST) == []
 
 
+@pytest.mark.parametrize(("least", "rates"), [(0.1, [0.7, 0.3]), (0.5, [0.7]), (0.8, [])])
+def test_modes_that_grow_fast_enough_are_told_the_fastest_first(
+    least: float, rates: list[float]
+) -> None:
+    A = np.diag([0.3, -1.0, 0.7])
+    B = np.array([[0.0], [1.0], [0.0]])
+    T = np.array([[0.0, 1.0, 0.0]])
+    assert [mode.rate for mode in unreached_modes(A, B, least)] == pytest.approx(rates)
+    assert [mode.rate for mode in internal_modes(A, B, T, least)] == pytest.approx(rates)
+
+
 def test_a_growing_oscillation_is_one_mode_of_both_states() -> None:
     spiral = np.array([[0.2, 3], [-3, 0.2]])
     A: Any = scipy.linalg.block_diag(-1.0, spiral)

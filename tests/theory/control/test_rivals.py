@@ -214,53 +214,65 @@ def test_adrc_is_nominally_the_optimum(design: str) -> None:
 
 # One sample far out, where the input asked for is beyond the limit
 
-FAR_X = np.array([-5.0, 0.0])
-FAR_Z = np.array([6.0, 0.0])
 LIMIT = 1.5
+each_far_error = pytest.mark.parametrize("far", [6.0, -6.0])
 
 
-def one_sample(make: Any, number: float, limit: float) -> tuple[float, Array, Any]:
-    """u, q after the sample, and the law's matrices."""
+def one_sample(make: Any, number: float, limit: float, far: float) -> tuple[float, Array, Any]:
+    """u at an error of the angle, q after the sample, and the law's matrices."""
     law = make(number, limit).design(task_of("servo")).sampled(PERIOD)
     memory: Any = law.memory()
-    u = law.input_at(0.0, FAR_X, memory).item()
+    u = law.input_at(0.0, np.array([1.0 - far, 0.0]), memory).item()
     return u, memory.q, law.parameters.dynamics
 
 
+@each_far_error
 @pytest.mark.parametrize("make", [LinearLqi, LinearPid])
-def test_integrals_hold_while_an_input_is_cut(make: Any) -> None:
-    u, q, _ = one_sample(make, 2.0, LIMIT)
-    assert u > LIMIT
+def test_integrals_hold_while_an_input_is_cut(make: Any, far: float) -> None:
+    u, q, _ = one_sample(make, 2.0, LIMIT, far)
+    assert abs(u) > LIMIT
     assert q.tolist() == [0.0]
 
 
 @pytest.mark.parametrize("make", [LinearLqi, LinearPid])
 def test_integrals_go_on_without_a_limit(make: Any) -> None:
-    _, q, _ = one_sample(make, 2.0, math.inf)
+    _, q, _ = one_sample(make, 2.0, math.inf, 6.0)
     assert q[0] == pytest.approx(6 * PERIOD, rel=1e-3)
 
 
-def test_observer_gets_the_input_that_is_cut() -> None:
-    u, q, p = one_sample(LinearAdrc, BANDWIDTH, LIMIT)
-    assert u > LIMIT
-    expected = p.F @ p.start @ FAR_Z + p.G @ FAR_Z + p.L @ [LIMIT]
+@each_far_error
+def test_observer_gets_the_input_that_is_cut(far: float) -> None:
+    u, q, p = one_sample(LinearAdrc, BANDWIDTH, LIMIT, far)
+    assert abs(u) > LIMIT
+    z = np.array([far, 0.0])
+    expected = p.F @ p.start @ z + p.G @ z + p.L @ [math.copysign(LIMIT, far)]
     np.testing.assert_allclose(q, expected, rtol=1e-12)
 
 
 # The adaptive law
 
 
-@pytest.mark.parametrize("limit", [0.01, math.inf])
-def test_estimates_hold_while_an_input_is_beyond_its_limit(limit: float) -> None:
-    law = Adaptive(2.0, 1.0, limit).design(task_of("arm")).sampled(PERIOD)
+@pytest.mark.parametrize(
+    ("design", "limit", "beyond"),
+    [
+        ("arm", 0.01, [True]),
+        ("arm", math.inf, [False]),
+        (REGULATION, 1.0, [True, False]),
+        (REGULATION, 20.0, [False, False]),
+    ],
+)
+def test_estimates_hold_while_an_input_is_beyond_its_limit(
+    design: str, limit: float, beyond: list[bool]
+) -> None:
+    law = Adaptive(2.0, 1.0, limit).design(task_of(design)).sampled(PERIOD)
     memory: Any = law.memory()
-    u = law.input_at(0.0, np.array([0.5, 0.0]), memory)
-    assert abs(u.item()) > 0.01
+    u = law.input_at(0.0, np.array(STARTS[design]), memory)
+    assert (np.abs(u) > limit).tolist() == beyond
 
-    parametrization = nominal("arm").system.parametrization
+    parametrization = nominal(design).system.parametrization
     assert parametrization is not None
     estimates = parametrization.nominal(law.parameters.plant)
-    assert np.array_equal(memory.theta, estimates) == (limit == 0.01)
+    assert np.array_equal(memory.theta, estimates) == any(beyond)
 
 
 @pytest.mark.parametrize(
