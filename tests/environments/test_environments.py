@@ -166,6 +166,18 @@ def test_actions_have_the_limits_of_the_actuator_or_narrower_ones(
     assert face.episode.x[1] == pytest.approx(force[0] / 2.0 * 2e-3, rel=1e-9)
 
 
+@pytest.mark.parametrize(("action", "force"), [(-50.0, -10.0), (50.0, 30.0)])
+def test_an_action_beyond_the_actuator_s_range_is_cut_to_its_nearer_end(
+    action: float, force: float, tmp_path: Any
+) -> None:
+    (tmp_path / "slide.xml").write_text(SLIDE)
+    task = {"reference": ["0"], "Q": [1, 1], "R": 1}
+    episode = CaseEnv(cases.case("slide.xml", folder=tmp_path, task=task)).episode
+    episode.hold([action])
+    episode.advance(2)
+    assert episode.x[1] == pytest.approx(force / 2.0 * 4e-3, rel=1e-9)
+
+
 def test_without_an_actuator_s_limit_actions_have_none() -> None:
     space: Any = CaseEnv("arm").action_space
     assert (space.low.tolist(), space.high.tolist()) == ([-math.inf], [math.inf])

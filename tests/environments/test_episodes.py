@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import cases
 import numpy as np
 import pytest
+from mjcf import ONE
 from open_loop import held
 
 from grosmc_mj.environments import law_policy
@@ -115,6 +117,21 @@ def test_a_reward_is_the_stage_cost_at_the_start_of_its_interval_times_its_lengt
     costs = [0.5 * float(z @ design.Q @ z + u @ design.R @ u) for z in course.errors[:3]]
     expected = -np.array([0.01, 0.01, 0.005]) * costs
     np.testing.assert_allclose(course.rewards, expected, rtol=1e-12)
+
+
+def test_without_the_robust_law_the_last_law_has_the_index_of_the_reward(tmp_path: Path) -> None:
+    """At rest it is that of the input alone, with R = 7 of the second law, not 1 of the first."""
+    (tmp_path / "one.xml").write_text(ONE.format("", '<motor name="drive" joint="hinge"/>'))
+    light = {"name": "light", "law": "lqr", "R": 1}
+    heavy = {"name": "heavy", "law": "lqr", "R": 7}
+    rewards = []
+    for laws in ([light], [light, heavy]):
+        case = cases.case("one.xml", folder=tmp_path, controller=laws, task={"Q": [1, 1]})
+        episode = Episode(case)
+        episode.hold([3.0])
+        rewards.append(episode.reward)
+    assert rewards[1] == pytest.approx(7 * rewards[0])
+    assert rewards[0] < 0
 
 
 def test_the_reward_of_equations_is_that_of_their_index() -> None:
