@@ -4,26 +4,29 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import cases
 import numpy as np
 import pytest
 from commands import Screen, assert_one_line, run
 
 from grosmc_mj import cli
+from grosmc_mj.ground.arrays import Array
 from grosmc_mj.output.charts.chart import Curve, Marks
 from grosmc_mj.output.charts.of_results import panels_chart
 from grosmc_mj.output.palette import INK
-from grosmc_mj.output.results.result import Result
+from grosmc_mj.output.results.result import LineChart
 from grosmc_mj.output.results.verdicts import Verdict
 from grosmc_mj.simulation.loop import Loop
-from grosmc_mj.studies.margins import answer as answers
 from grosmc_mj.studies.margins import figure as margins_figure
+from grosmc_mj.studies.margins import margins as studies
 from grosmc_mj.studies.margins import row as rows_of_laws
-from grosmc_mj.studies.margins.answer import margin_table, notes, verdict
+from grosmc_mj.studies.margins.answer import margin_table, notes, sheets, verdict
 from grosmc_mj.studies.margins.changes import DELAY, GAIN_DOWN, GAIN_UP, ChangeSearch
 from grosmc_mj.studies.margins.chatter import Chatter
 from grosmc_mj.studies.margins.frequency_response import LoopGain, Margins, margins_of
@@ -32,17 +35,23 @@ from grosmc_mj.studies.margins.row import LEVELS, LawMargins, Level
 from grosmc_mj.studies.margins.sensitivity import LoopPlace
 from grosmc_mj.studies.study import CellRunner
 
-REQUIRED = 'requirement = [{ stays_within = "0.1 rad", after = "3 s" }]'
-LIMITED = 'actuator = [{ of = "current", limit = "4 A" }]'
-REST = """
-plant = { system = "servo" }
-controller = [{ law = "lqr" }]
-[run]
-start = { "rotor angle" = "0 rad" }
-duration = "4 s"
-control_period = "2 ms"
-timestep = "2 ms"
-"""
+# A step of the servo through an encoder and an observer, on which the implicit law chatters.
+STEP: Mapping[str, Any] = {
+    "run": {
+        "start": {"rotor angle": "0 rad"},
+        "duration": "4 s",
+        "control_period": "2 ms",
+        "timestep": "2 ms",
+    },
+    "actuator": {"of": "current", "limit": "4 A"},
+    "requirement": {"stays_within": "0.1 rad", "after": "3 s"},
+}
+LOOP: Mapping[str, Any] = {
+    "computing": {"delay": "2 ms"},
+    "sensor": {"of": "rotor angle", "resolution": "1.534 mrad"},
+    "estimator": {"of": "rotor speed", "law": "eso", "bandwidth": "100 rad/s"},
+}
+IMPLICIT = {"law": "grosmc", "switching": "implicit", "surface": "discrete"}
 FREQUENCY = np.geomspace(0.1, 100, 40)
 
 
@@ -52,11 +61,19 @@ def servo() -> MarginStudy:
     return margin_study("servo/bench", ["lqr", "implicit"])
 
 
-@cache
-def measured(setup: int, law: int) -> LawMargins:
-    """Return the margins of a law of the servo's bench."""
-    chosen = servo().setups[setup]
-    return law_margins(servo(), chosen, chosen.laws[law])
+def step(folder: Path, **tables: Any) -> str:
+    """Write the case of the step, and return its path."""
+    return str(cases.write(folder, **(dict(STEP) | tables)))
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> tuple[MarginStudy, LawMargins, LawMargins]:
+    """The study of the step through the encoder, with its rows of LQR and the implicit law."""
+    laws = [{"law": "lqr"}, {"name": "implicit", **IMPLICIT}]
+    studied = margin_study(step(tmp_path_factory.mktemp("step"), **LOOP, controller=laws))
+    setup = studied.setups[1]
+    lqr, implicit = [law_margins(studied, setup, law) for law in setup.laws]
+    return studied, lqr, implicit
 
 
 def level(index: int, doubt: str = "", gain: float = 1.0, output: bool = False) -> Level:
@@ -97,14 +114,10 @@ def test_a_system_is_studied_on_its_bench_and_its_machine() -> None:
 
 def test_the_laws_of_a_file_are_studied_by_the_names_that_it_gives_them(tmp_path: Path) -> None:
     """The second one is GROSMC with the implicit law, and is not studied again by that name."""
-    controllers = 'controller = [{ law = "lqr" }, { law = "grosmc", switching = "implicit", '
-    controllers += 'surface = "discrete" }]'
-    target = written(tmp_path, REQUIRED, LIMITED)
-    text = target.read_text().replace('controller = [{ law = "lqr" }]', controllers)
-    target.write_text(text)
-    own = [law.name for law in margin_study(str(target)).setups[0].laws]
+    target = step(tmp_path, controller=[{"law": "lqr"}, IMPLICIT])
+    own = [law.name for law in margin_study(target).setups[0].laws]
     assert own == ["lqr", "grosmc"]
-    further = [law.name for law in margin_study(str(target), further=True).setups[0].laws]
+    further = [law.name for law in margin_study(target, further=True).setups[0].laws]
     assert further[:2] == own
     assert "implicit" not in further
     assert {"sign", "super-twisting", "implicit, predicted"} <= set(further)
@@ -112,11 +125,9 @@ def test_the_laws_of_a_file_are_studied_by_the_names_that_it_gives_them(tmp_path
 
 def test_a_switching_law_leaves_its_name_to_another_law_of_the_file(tmp_path: Path) -> None:
     """A law that is called sign and does not chatter is no sign law."""
-    controllers = 'controller = [{ name = "sign", law = "lqr", R = 2 }, { law = "grosmc" }]'
-    target = written(tmp_path, REQUIRED, LIMITED)
-    text = target.read_text().replace('controller = [{ law = "lqr" }]', controllers)
-    target.write_text(text.replace('law = "grosmc"', 'law = "grosmc", surface = "discrete"'))
-    laws = margin_study(str(target), further=True).setups[0].laws
+    lqr = {"name": "sign", "law": "lqr", "R": 2}
+    target = step(tmp_path, controller=[lqr, {"law": "grosmc", "surface": "discrete"}])
+    laws = margin_study(target, further=True).setups[0].laws
     switching = {law.name: law.controller.designed.switching for law in laws}
     assert len(switching) == len(laws)
     assert not switching["sign"]
@@ -132,44 +143,58 @@ def test_an_input_gets_a_quarter_of_its_limit_and_a_state_a_quarter_of_its_range
 
 
 @pytest.mark.slow
-def test_the_table_of_the_bench_has_the_margins_of_lqr() -> None:
-    lqr = measured(1, 0)
-    assert [row.condition for row in lqr.refused] == ["case1"]
-    (largest,) = lqr.at(len(LEVELS) - 1)
-    assert largest.margins.delay == pytest.approx(0.113, rel=0.01)
-    assert largest.margins.disk == pytest.approx(1.52, rel=0.01)
-    table = margin_table(servo().setups[1], [lqr, measured(1, 1)])
-    assert [row[:2] for row in table.rows] == [["lqr", "case1"], ["implicit", ""]]
-    assert table.rows[0][2] == "1/2.44 case2"
-
-
-def test_the_delay_margin_of_a_chattering_law_by_slow_signals_is_near_that_of_its_task() -> None:
-    implicit = measured(1, 1)
-    (shown,) = implicit.at(len(LEVELS) - 1)
-    assert shown.margins.delay == pytest.approx(9.2e-3, abs=3 * 0.25e-3)
-    assert shown.errors.delay < 0.4e-3
+def test_on_the_bench_the_delay_of_a_law_by_its_signals_is_near_that_of_its_task() -> None:
+    """LQR is linear; slow signals see the implicit law between the switching."""
+    setup = servo().setups[1]
+    lqr, implicit = [law_margins(servo(), setup, law) for law in setup.laws]
+    (linear,) = lqr.at(len(LEVELS) - 1)
+    assert linear.margins.delay == pytest.approx(0.113, rel=0.01)
+    assert linear.margins.disk == pytest.approx(1.52, rel=0.01)
+    (slow,) = implicit.at(len(LEVELS) - 1)
+    assert slow.margins.delay == pytest.approx(9.2e-3, abs=3 * 0.25e-3)
+    assert slow.errors.delay < 0.4e-3
     worst = implicit.worst_of_task(DELAY)
     assert worst is not None
     assert (worst.condition, worst.largest_kept) == ("case1", pytest.approx(8e-3, abs=5e-4))
-    assert any("chatters at rest" in note for note in notes([implicit]))
+    rows = margin_table(setup, [lqr, implicit]).rows
+    assert [row[:2] for row in rows] == [["lqr", "case1"], ["implicit", ""]]
+    assert rows[0][2] == "1/2.44 case2"
 
 
-def test_a_small_injection_into_a_chattering_loop_is_not_trusted() -> None:
-    implicit = measured(1, 1)
+def test_the_delay_of_a_linear_law_by_its_signals_is_that_of_its_task(
+    small: tuple[MarginStudy, LawMargins, LawMargins],
+) -> None:
+    """Nominally it is kept up to 108 ms."""
+    _, lqr, _ = small
+    (largest,) = lqr.at(len(LEVELS) - 1)
+    (nominal,) = [v for v in lqr.changes if v.step == DELAY and v.condition == "nominal"]
+    assert largest.margins.delay == pytest.approx(0.1116, rel=0.01)
+    assert nominal.largest_kept == pytest.approx(largest.margins.delay, rel=0.05)
+    assert [refused.condition for refused in lqr.refused] == ["case1"]
+    assert not lqr.switches
+
+
+def test_a_small_injection_into_a_chattering_loop_is_not_trusted(
+    small: tuple[MarginStudy, LawMargins, LawMargins],
+) -> None:
+    _, _, implicit = small
+    assert implicit.chatter == Chatter(True, 1.0, 0.0)
     assert 0 not in implicit.trusted
     assert len(LEVELS) - 1 in implicit.trusted
 
 
-def test_rows_are_read_as_they_were_written(tmp_path: Path) -> None:
-    *_, lqr, implicit = servo().cells()
+def test_rows_are_read_as_they_were_written(
+    tmp_path: Path, small: tuple[MarginStudy, LawMargins, LawMargins]
+) -> None:
+    studied, lqr, _ = small
+    *_, cell, other = studied.cells()
     stored = CellRunner(tmp_path, LawMargins)
-    wanted = measured(1, 0)
-    stored.write(lqr, wanted)
-    found = stored.read(lqr)
+    stored.write(cell, lqr)
+    found = stored.read(cell)
     assert found is not None
-    assert found.task == wanted.task
-    assert found.levels[0].column.tolist() == wanted.levels[0].column.tolist()
-    assert stored.read(implicit) is None
+    assert found.task == lqr.task
+    assert found.levels[0].column.tolist() == lqr.levels[0].column.tolist()
+    assert stored.read(other) is None
 
 
 SWITCHES = Chatter(True, 1.0, 0.0)
@@ -248,8 +273,8 @@ def test_the_table_shows_delay_phase_disk_and_bandwidth_with_errors_beyond_half_
 
 def test_the_table_of_amplitudes_has_each_margin_under_its_name() -> None:
     shown = level(0).model_copy(update={"margins": SHOWN, "errors": ERRORS})
-    law = LawMargins(setup="servo/bench", law="lqr", levels=[shown])
-    table = answers._level_table(servo().setups[1], [law])
+    law = LawMargins(setup="servo/bench", law="lqr", levels=[shown] * len(LEVELS))
+    table = sheets(servo(), [law])[2].table
     headers = [column.header for column in table.columns]
     assert dict(zip(headers, table.rows[0], strict=True)) == {
         "law": "lqr",
@@ -265,12 +290,6 @@ def test_the_table_of_amplitudes_has_each_margin_under_its_name() -> None:
         "bandwidth [Hz]": "1.75",
         "not trustworthy, because": "",
     }
-
-
-def test_a_delay_of_the_task_is_in_milliseconds_and_a_gain_a_pure_number() -> None:
-    task = [Verdict(law="lqr", step=step, text="2.5") for step in (DELAY, GAIN_UP)]
-    table = answers._task_table(servo().setups[1], [row("lqr", "-----", task=task)])
-    assert [cells[2] for cells in table.rows] == ["delay [ms]", "gain up"]
 
 
 def test_the_answer_names_the_laws_with_the_least_and_the_most_delay_of_the_last_setup() -> None:
@@ -335,6 +354,20 @@ def test_a_margin_is_shown_with_the_case_that_decides(kind: str, failed: float, 
     assert words in cells[1:4]
 
 
+def test_of_several_inputs_the_one_with_the_least_disk_margin_is_shown() -> None:
+    (setup, *_) = margin_study("two_link_arm/nominal", ["lqr"]).setups
+    levels = []
+    for place, disk, phase in (("torque 1", 0.9, 50.0), ("torque 2", 0.4, 70.0)):
+        margins = replace(SHOWN, disk=disk, phase=phase)
+        levels += [
+            level(i).model_copy(update={"place": place, "margins": margins}) for i in range(5)
+        ]
+    law = LawMargins(setup=setup.name, law="lqr", levels=levels)
+    table = margin_table(setup, [law])
+    cells = dict(zip([column.header for column in table.columns], table.rows[0], strict=True))
+    assert (cells["disk"], cells["phase\n[°]"]) == ("0.4", "70")
+
+
 def test_inputs_that_do_not_meet_have_the_least_of_their_disk_margins_together() -> None:
     """Only lines that count at both inputs are taken."""
     slow = level(0)
@@ -370,37 +403,61 @@ def test_the_distance_of_the_phase_from_the_line_at_the_crossover_is_the_phase_m
     assert phase[0] + 180 == pytest.approx(margins.phase, abs=0.5)
 
 
-def test_a_curve_ends_at_its_first_gap() -> None:
+def of_size(size: Array) -> list[LineChart]:
+    """Return the charts of a loop with L = -i |L|, from |L| at each frequency."""
+    S = 1 / (1 - 1j * size)
+    parts = {"real": S.real[:, None].tolist(), "imaginary": S.imag[:, None].tolist()}
+    shown = level(0).model_copy(update=parts)
+    law = LawMargins(setup="servo/bench", law="lqr", levels=[shown] * len(LEVELS))
+    return margins_figure.charts(servo().setups[1], [law], ["lqr"])
+
+
+@pytest.mark.parametrize(("slow", "fast"), [(2.0, 0.5), (0.5, 2.0)])
+def test_a_curve_ends_at_the_first_gap_on_either_side_of_its_largest_value(
+    slow: float, fast: float
+) -> None:
     """Beyond the gap the phase may be a turn off."""
-    size = np.array([0.1, 2.0, 1.0, 0.01, 0.5])
-    shown = margins_figure._about_largest(size > 0.03, size)
-    assert shown.tolist() == [True, True, True, False, False]
+    notch = (FREQUENCY > 1) & (FREQUENCY < 3)
+    gain, phase, _, _ = of_size(np.select([notch, FREQUENCY < 1], [0.01, slow], fast))
+    sides = {float(f) < 1.5 for f in gain.lines[0].x}
+    assert sides == {slow > fast}
+    assert phase.lines[0].x == gain.lines[0].x
 
 
 def test_points_beyond_an_edge_are_not_joined_across_it() -> None:
-    x = np.arange(5.0)
-    curve = margins_figure._series("law", x, x, np.array([True, True, False, True, True]))
-    assert list(curve.y) == [0.0, 1.0, None, 3.0, 4.0]
+    _, _, nyquist, _ = of_size(np.where((FREQUENCY > 1) & (FREQUENCY < 3), 5.0, 1.0))
+    assert list(nyquist.lines[0].y).count(None) == 1
 
 
-def test_a_figure_has_at_most_six_laws_each_with_its_own_colour_and_symbol() -> None:
-    names = [f"law {i}" for i in range(8)]
-    rows = [row(name, "-----") for name in names]
-    groups = margins_figure.in_figures(row.law for row in rows)
-    assert groups == [names[:6], names[6:]]
-    for laws in groups:
-        figure = margins_figure.charts(servo().setups[1], rows, laws)
-        first, phase, nyquist, _ = panels_chart("L", [figure]).panels
-        curves = [layer for layer in first.layers if isinstance(layer, Curve)]
-        assert [curve.name for curve in curves] == laws
-        assert len({curve.stroke.colour for curve in curves}) == len(laws)
-        assert len({curve.symbol for curve in curves}) == len(laws)
-        assert phase.y.scale == "linear"
-        (point,) = [layer for layer in nyquist.layers if isinstance(layer, Marks)]
-        assert (point.x, point.y) == ([-1.0], [0.0])
-        (disk,) = [layer for layer in nyquist.layers if layer.name == "disk margin"]
-        assert isinstance(disk, Curve)
-        assert (disk.symbol, disk.stroke.colour) == ("", INK)
+def test_laws_beyond_six_get_a_figure_of_their_own() -> None:
+    assert margins_figure.in_figures("abcdefghab") == [list("abcdef"), list("gh")]
+
+
+def test_six_laws_of_a_figure_have_each_a_colour_and_a_symbol() -> None:
+    """And the point -1 and the disk margin of all are drawn without."""
+    names = [f"law {i}" for i in range(6)]
+    charts = margins_figure.charts(servo().setups[1], [row(name, "-----") for name in names], names)
+    gain, phase, nyquist, _ = panels_chart("L", [charts]).panels
+    curves = [layer for layer in gain.layers if isinstance(layer, Curve)]
+    assert [curve.name for curve in curves] == names
+    assert len({curve.stroke.colour for curve in curves}) == 6
+    assert len({curve.symbol for curve in curves}) == 6
+    assert phase.y.scale == "linear"
+    (point,) = [layer for layer in nyquist.layers if isinstance(layer, Marks)]
+    assert (point.x, point.y) == ([-1.0], [0.0])
+    (disk,) = [layer for layer in nyquist.layers if layer.name == "disk margin"]
+    assert isinstance(disk, Curve)
+    assert (disk.symbol, disk.stroke.colour) == ("", INK)
+
+
+def test_the_delay_margin_over_the_amplitude_is_in_milliseconds_and_hollow_where_doubted() -> None:
+    levels = [level(i, "noise" if i == 1 else "") for i in range(len(LEVELS))]
+    shown = [one.model_copy(update={"margins": SHOWN}) for one in levels]
+    law = LawMargins(setup="servo/bench", law="lqr", levels=shown)
+    (series,) = margins_figure.charts(servo().setups[1], [law], ["lqr"])[3].lines
+    assert series.x == pytest.approx(LEVELS, rel=1e-2)
+    assert series.y == [12.5] * 5
+    assert series.good == [True, False, True, True, True]
 
 
 def test_the_disk_that_is_drawn_passes_the_axis_at_the_least_gains() -> None:
@@ -411,74 +468,56 @@ def test_the_disk_that_is_drawn_passes_the_axis_at_the_least_gains() -> None:
     assert max(x) == pytest.approx(-1.5 / 2.5)
 
 
-def written(folder: Path, *lines: str) -> Path:
-    """Write a case file that begins with these lines."""
-    path = folder / "mine.toml"
-    path.write_text("\n".join([*lines, REST]), encoding="utf-8")
-    return path
-
-
-def test_the_command_writes_a_document_and_resumes(tmp_path: Path, capsys: Screen) -> None:
-    target = str(written(tmp_path, REQUIRED, LIMITED))
-    command = ("study", "margins", target, "--laws", "lqr", "--out", tmp_path / "out")
-    assert run(*command) == cli.DONE
-    first = capsys.readouterr().out
-    assert "what the task tolerates" in first
+def test_the_command_prints_its_answer_and_resumes(
+    tmp_path: Path, printed: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    step(tmp_path)
+    command = ("study", "margins", "mine.toml", "--laws", "lqr", "--period", "1 s", "--verbose")
+    assert run(*command, "--out", "out") == cli.DONE
     path = tmp_path / "out" / "margins_mine.json"
     document = json.loads(path.read_text(encoding="utf-8"))
-    content = {key: document[key] for key in Result.model_fields}
-    read = Result.model_validate_json(json.dumps(content))
-    assert (read.kind, read.complete) == ("margins", True)
+    assert (document["kind"], document["complete"]) == ("margins", True)
     assert [row["setup"] for row in document["rows"]] == ["servo/mine, ideal loop", "servo/mine"]
-    assert {value.name.partition(":")[0] for value in read.values}
     assert path.with_suffix(".png").exists()
     assert path.with_suffix(".svg").exists()
 
-    files = sorted((tmp_path / "out" / "margins_mine").iterdir())
-    times = [file.stat().st_mtime_ns for file in files]
-    assert run(*command, "--resume", "--verbose") == cli.DONE
-    assert [file.stat().st_mtime_ns for file in files] == times
-    assert "S at each amplitude" in capsys.readouterr().out
+    monkeypatch.setattr(studies, "_task_margins", lambda *_: pytest.fail("measured again"))
+    printed(*command, "--resume", "--no-figures", "--out", "out")
 
 
-def test_a_law_that_the_file_does_not_run_stops_no_other_one(tmp_path: Path) -> None:
+def test_a_law_that_the_file_does_not_run_stops_no_other_one(
+    tmp_path: Path, small: tuple[MarginStudy, LawMargins, LawMargins]
+) -> None:
     """It raises an error in its first step; that is said in its row."""
     code = "def beyond(t, x, memory, p, u):\n    u[0] = u[5] = 1.0\n"
     (tmp_path / "mine.py").write_text(code)
-    target = written(tmp_path, REQUIRED, LIMITED)
-    content = target.read_text() + '[laws.wrong]\nlaw = "mine:beyond"\n'
-    target.write_text(content)
-    studied = margin_study(str(target), ["wrong", "lqr"])
-    wrong, lqr = [law_margins(studied, studied.setups[0], law) for law in studied.setups[0].laws]
+    studied = margin_study(step(tmp_path, laws={"wrong": {"law": "mine:beyond"}}), ["wrong"])
+    (law,) = studied.setups[1].laws
+    wrong = law_margins(studied, studied.setups[1], law)
     assert "IndexError" in wrong.impossible
-    assert not lqr.impossible
-    assert lqr.task
+    _, lqr, _ = small
     assert verdict([wrong, lqr]).startswith("Without any change wrong: not kept. ")
 
 
 @pytest.mark.parametrize(
-    ("lines", "options", "words"),
+    ("without", "options", "words"),
     [
-        ((LIMITED,), (), "nothing is required"),
-        ((REQUIRED,), (), "has no limit to size"),
-        ((REQUIRED, LIMITED), ("--injection", "5 A"), "is beyond the limit of current, 4 A"),
-        ((REQUIRED, LIMITED), ("--injection", "1 N m"), "1 N m"),
-        ((REQUIRED, LIMITED), ("--injection=-1 A",), "must be positive"),
-        ((REQUIRED, LIMITED), ("--period", "10 ms"), "at least 16 control periods"),
-        ((REQUIRED, LIMITED), ("--laws", "nobody"), "unknown law 'nobody'"),
-        ((REQUIRED, LIMITED), ("--laws", "lqr", "--all"), "leave out --all"),
+        ("requirement", (), "nothing is required"),
+        ("actuator", (), "has no limit to size"),
+        ("", ("--injection", "5 A"), "is beyond the limit of current, 4 A"),
+        ("", ("--injection", "1 N m"), "1 N m"),
+        ("", ("--injection=-1 A",), "must be positive"),
+        ("", ("--period", "10 ms"), "at least 16 control periods"),
+        ("", ("--laws", "nobody"), "unknown law 'nobody'"),
+        ("", ("--laws", "lqr", "--all"), "leave out --all"),
     ],
 )
 def test_a_mistake_gets_one_line(
-    lines: tuple[str, ...],
-    options: tuple[str, ...],
-    words: str,
-    tmp_path: Path,
-    capsys: Screen,
+    without: str, options: tuple[str, ...], words: str, tmp_path: Path, capsys: Screen
 ) -> None:
-    target = written(tmp_path, *lines)
-    out = ("--out", tmp_path)
-    assert run("study", "margins", target, *options, *out) == cli.WRONG
+    tables = {name: table for name, table in STEP.items() if name != without}
+    target = cases.write(tmp_path, **tables)
+    assert run("study", "margins", target, *options, "--out", tmp_path) == cli.WRONG
     error = capsys.readouterr().err
     assert_one_line(error)
     assert words in error

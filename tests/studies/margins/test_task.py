@@ -13,11 +13,10 @@ import pytest
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.output.results.tables import number
-from grosmc_mj.output.results.verdicts import Verdict
+from grosmc_mj.output.results.verdicts import Verdict, verdict_of
 from grosmc_mj.simulation.disturbances import Table
 from grosmc_mj.simulation.loop import Actuator, Loop
 from grosmc_mj.simulation.trajectory import Status
-from grosmc_mj.studies.margins import task as margins_of_task
 from grosmc_mj.studies.margins.changes import DELAY, GAIN_DOWN, GAIN_UP, ChangeSearch, changed
 from grosmc_mj.studies.margins.chatter import Chatter, chatter, is_quiet
 from grosmc_mj.studies.margins.sensitivity import LoopPlace, RunningLoop
@@ -64,22 +63,32 @@ def servo_task(name: str, condition: str = "nominal", draws: int = 1) -> ServoTa
     return ServoTask(trials, law, looped)
 
 
-def test_the_task_margins_of_lqr_are_near_those_by_frequency_response() -> None:
-    """By S on the bench they are 13.7 and 113 ms: within 7 %."""
-    margins = servo_task("lqr").margins
-    assert margins[GAIN_UP].largest_kept == pytest.approx(14.0, rel=0.02)
-    assert margins[DELAY].largest_kept == pytest.approx(0.106, rel=0.01)
-    assert margins[GAIN_UP].largest_kept == pytest.approx(13.7, rel=0.07)
-    assert margins[DELAY].largest_kept == pytest.approx(0.113, rel=0.07)
+@pytest.fixture(scope="module")
+def lqr() -> dict[str, Verdict]:
+    """The task margins of LQR on the nominal bench."""
+    return servo_task("lqr").margins
 
 
-def test_what_breaks_is_named_and_a_failing_change_stands_above_the_kept_one() -> None:
-    for margin in servo_task("lqr").margins.values():
-        kept = margin.largest_kept
-        assert margin.words
-        assert kept is not None
-        assert margin.smallest_failed is not None
-        assert kept < margin.smallest_failed <= max(1.02 * kept, kept + 5e-4 + 1e-9)
+@pytest.mark.parametrize(
+    ("kind", "kept", "by_frequency"), [(GAIN_UP, 14.0, 13.7), (DELAY, 0.106, 0.113)]
+)
+def test_the_task_margins_of_lqr_are_near_those_by_frequency_response(
+    lqr: dict[str, Verdict], kind: str, kept: float, by_frequency: float
+) -> None:
+    assert lqr[kind].largest_kept == pytest.approx(kept, rel=0.02)
+    assert lqr[kind].largest_kept == pytest.approx(by_frequency, rel=0.07)
+
+
+@pytest.mark.parametrize("kind", [GAIN_DOWN, GAIN_UP, DELAY])
+def test_what_breaks_is_named_and_a_failing_change_stands_above_the_kept_one(
+    lqr: dict[str, Verdict], kind: str
+) -> None:
+    kept = lqr[kind].largest_kept
+    failed = lqr[kind].smallest_failed
+    assert lqr[kind].words
+    assert kept is not None
+    assert failed is not None
+    assert kept < failed <= max(1.02 * kept, kept + 5e-4 + 1e-9)
 
 
 @pytest.mark.parametrize(("condition", "factor"), [("nominal", 29), ("case1", 1.45)])
@@ -113,13 +122,30 @@ def test_every_change_that_is_kept_is_kept_in_all_draws_and_the_failing_one_is_n
     assert task.failing_draws(failed) == margin.numbers["failing_draws"] != 0
 
 
+class ScriptedDraws(Trials):
+    """Draws that keep a gain up to 4; from the sixth on up to 2."""
+
+    def results(self, runs: Sequence[tuple[Trial, int]]) -> list[Verdict]:
+        for trial, draw in runs:
+            assert trial.loop
+            (actuator,) = trial.loop.actuators
+            share = actuator.gain / (4.0 if draw < 5 else 2.0)
+            self.known[trial, draw] = verdict_of({"stays_within": share}, draw=draw)
+        return [self.known[run] for run in runs]
+
+
 @pytest.mark.parametrize(
-    ("failing", "words"), [(8, "stays_within"), (3, "stays_within in 3 of 8 draws")]
+    ("draws", "kept", "words"), [(5, 4.0, "stays within"), (8, 2.0, "stays within in 3 of 8 draws")]
 )
-def test_the_draws_in_which_a_requirement_breaks_are_told_unless_all_do(
-    failing: int, words: str
+def test_a_change_is_kept_in_all_draws_and_those_that_break_are_told_unless_all_do(
+    draws: int, kept: float, words: str
 ) -> None:
-    assert margins_of_task._in_draws("stays_within", failing, 8) == words
+    task = servo_task("lqr")
+    trials = ScriptedDraws("corrected", task.trials.limits, draws)
+    _, margin, _ = task_margins(trials, task.law, task.condition)
+    assert (margin.step, margin.draws, margin.words) == (GAIN_UP, draws, words)
+    assert margin.largest_kept == kept
+    assert margin.numbers == {"failing_draws": 5 if draws == 5 else 3}
 
 
 def searched(kind: str, bound: float) -> ChangeSearch:
@@ -159,27 +185,31 @@ def test_a_search_ends_within_one_percent_or_one_timestep(kind: str, bound: floa
         assert failed - kept <= max(0.011 * kept, 1e-3 if kind == DELAY else 0.0) + 1e-12
 
 
-def running(name: str, loop: Loop) -> RunningLoop:
-    """Return a law of the servo at rest on the equations."""
+def begins(name: str) -> Chatter:
+    """Return where a law of the servo begins to chatter, at rest on the equations."""
     experiment = Experiment.load("servo/bench").changed(loop=None)
     (law,) = chosen_laws(experiment, [name])
     controller = law.controller
     rest = controller.designed.error.rest(controller.parameters)
-    applied = experiment.loop_around(controller, loop)
     plant = experiment.plant("corrected")
-    return RunningLoop(plant, controller, rest, 1e-3, 5e-4, loops=(applied,), threads=1)
+
+    def running(loop: Loop) -> RunningLoop:
+        loops = (experiment.loop_around(controller, loop),)
+        return RunningLoop(plant, controller, rest, 1e-3, 5e-4, loops=loops, threads=1)
+
+    return chatter(running, Loop(), LoopPlace("current"), 4.0, 0.5)
 
 
 def test_the_implicit_law_begins_to_chatter_at_gain_2_and_a_sample_of_delay() -> None:
     """S = 1 - 1/z is stable up to there."""
-    found = chatter(lambda loop: running("implicit", loop), Loop(), LoopPlace("current"), 4.0, 4.0)
+    found = begins("implicit")
     assert not found.at_rest
     assert found.gain == pytest.approx(2.0, rel=0.02)
     assert found.delay == pytest.approx(1e-3)
 
 
 def test_the_sign_law_chatters_at_rest() -> None:
-    found = chatter(lambda loop: running("sign", loop), Loop(), LoopPlace("current"), 4.0, 4.0)
+    found = begins("sign")
     assert found == Chatter(True, 1.0, 0.0)
 
 
