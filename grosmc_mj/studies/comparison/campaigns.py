@@ -50,6 +50,7 @@ class CampaignRows:
         basis: The sample.
         uncertain: Names of the uncertain numbers, k.
         units: Units of the columns, by name.
+        system: Name of its system; empty for a model or equations of a user's own.
         repeats_on: Machine and versions on which its runs repeat to the bit; None if they draw
             random numbers, or the machine is unknown.
     """
@@ -60,6 +61,7 @@ class CampaignRows:
     basis: SampledRuns
     uncertain: tuple[str, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
+    system: str = ""
     repeats_on: Mapping[str, str] | None = None
 
     @property
@@ -131,6 +133,7 @@ def _read_rows(folder: Path, manifest: Mapping[str, Any]) -> CampaignRows:
         basis=basis,
         uncertain=uncertain,
         units={name: _unit(table, name) for name in (_LEAST_MARGIN, *margins)},
+        system=str(configuration["file"]["plant"].get("system", "")),
         repeats_on=_repeats_on(manifest),
     )
 

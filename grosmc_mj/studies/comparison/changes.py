@@ -166,7 +166,8 @@ def _renamed(
     """Return the old values under the new name of their subject, where it is the only other one.
 
     A subject, such as ``servo/case1``, is the first word of a value's name. A case that is copied
-    to another file, or a campaign to another folder, is still the same.
+    to another file, or a campaign to another folder, is still the same; one of another system is
+    not.
     """
     old_subjects = _subjects(before)
     new_subjects = _subjects(after)
@@ -176,9 +177,18 @@ def _renamed(
         gone = old_subjects[kind] - new_subjects.get(kind, set())
         added = new_subjects.get(kind, set()) - old_subjects[kind]
         if gone == {subject} and len(added) == 1:
-            (subject,) = added
+            (other,) = added
+            if _one_system(subject, other):
+                subject = other
         renamed[kind, subject + space + rest] = value
     return renamed
+
+
+def _one_system(subject: str, other: str) -> bool:
+    """Return whether two subjects are of one system, which is the part before the slash."""
+    if "/" not in subject or "/" not in other:
+        return True
+    return subject.partition("/")[0] == other.partition("/")[0]
 
 
 def _subjects(values: Iterable[tuple[str, str]]) -> dict[str, set[str]]:

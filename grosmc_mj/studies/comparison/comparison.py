@@ -75,19 +75,9 @@ def compare(old: Path, new: Path) -> ResultComparison:
     after = read_results([new])
     listed, compared = changes(before.documents, after.documents)
 
-    old_campaigns = campaign_folders(old)
-    new_campaigns = campaign_folders(new)
-    pairs = _pairs(old_campaigns.keys(), new_campaigns.keys())
-    for old_key, new_key in pairs.items():
-        old_rows = campaign_rows(old_campaigns[old_key])
-        new_rows = campaign_rows(new_campaigns[new_key])
-        in_campaign, compared_in_campaign = campaign_changes(old_rows, new_rows)
-        listed += in_campaign
-        compared += compared_in_campaign
-    gone = old_campaigns.keys() - pairs.keys()
-    added = new_campaigns.keys() - set(pairs.values())
-    listed += [one_sided_change(KIND, key, "there", gone=True) for key in gone]
-    listed += [one_sided_change(KIND, key, "there", gone=False) for key in added]
+    of_campaigns, compared_in_campaigns = _changes_of_campaigns(old, new)
+    listed += of_campaigns
+    compared += compared_in_campaigns
 
     if compared == 0:
         for side in (before, after):
@@ -95,7 +85,7 @@ def compare(old: Path, new: Path) -> ResultComparison:
                 raise ArgumentError(f"no results: {side.notices[0]}")
         raise ArgumentError(
             f"{old} and {new} have no results in common: name two files or folders with "
-            "results of the same command and target"
+            "results of the same command, target and laws"
         )
     return ResultComparison(
         old=old,
@@ -105,6 +95,33 @@ def compare(old: Path, new: Path) -> ResultComparison:
         sources=_source_differences(before.documents, after.documents),
         notices=[*before.notices, *after.notices],
     )
+
+
+def _changes_of_campaigns(old: Path, new: Path) -> tuple[list[Change], int]:
+    """Return the changes between the campaigns of two folders, and the number of compared values.
+
+    Campaigns of two systems are not the same one under another name.
+    """
+    old_folders = campaign_folders(old)
+    new_folders = campaign_folders(new)
+    listed: list[Change] = []
+    compared = 0
+    pairs: dict[str, str] = {}
+    for old_key, new_key in _pairs(old_folders.keys(), new_folders.keys()).items():
+        before = campaign_rows(old_folders[old_key])
+        after = campaign_rows(new_folders[new_key])
+        if before.system != after.system:
+            continue
+        pairs[old_key] = new_key
+        changed, values = campaign_changes(before, after)
+        listed += changed
+        compared += values
+
+    gone = old_folders.keys() - pairs.keys()
+    added = new_folders.keys() - set(pairs.values())
+    listed += [one_sided_change(KIND, key, "there", gone=True) for key in gone]
+    listed += [one_sided_change(KIND, key, "there", gone=False) for key in added]
+    return listed, compared
 
 
 def _pairs(old: Set[str], new: Set[str]) -> dict[str, str]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from campaigns import campaign, kept, pair
-from commands import Screen, assert_one_line, run
+from commands import Patch, Screen, assert_one_line, run
 from page_documents import valued, write_document
 from scipy import stats
 
@@ -22,6 +22,7 @@ from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.output.results.result import Value
 from grosmc_mj.studies.campaign.findings import SampledRuns
 from grosmc_mj.studies.campaign.radius import Radius, ScaleTrial, radius_result
+from grosmc_mj.studies.comparison import comparison
 from grosmc_mj.studies.comparison.campaigns import CampaignRows, campaign_changes, campaign_rows
 from grosmc_mj.studies.comparison.changes import Change, Effect
 from grosmc_mj.studies.comparison.comparison import compare, comparison_result
@@ -243,6 +244,14 @@ def test_a_case_in_a_file_of_another_name_is_compared(
     assert [change.name for change in compared.worse] == [names[1]]
 
 
+def test_a_case_of_another_system_is_no_copy(tmp_path: Path) -> None:
+    for name in ("servo/case1", "arm/case1"):
+        values = [Value(name=f"{name} lqr: a", value=1.0)]
+        write_document(tmp_path / name.partition("/")[0] / "run.json", valued(values))
+    with pytest.raises(ArgumentError, match="no results in common"):
+        compare(tmp_path / "servo", tmp_path / "arm")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "sides"),
     [("monday", "friday", ["monday", "friday"]), ("a/renders", "b/renders", None)],
@@ -458,6 +467,16 @@ def test_an_option_that_a_manifest_has_twice_is_one_line(tmp_path: Path) -> None
         document = {**run_document(seed=number), "configuration": options}
         sides.append(written(tmp_path / name, document))
     assert compare(*sides).sources == ["seed: 1 -> 2", "run: configuration.duration: 1 -> 2"]
+
+
+def test_a_campaign_of_another_system_is_no_copy(folder: Path, monkeypatch: Patch) -> None:
+    systems = iter(("servo", "servo", "servo", "arm"))
+    monkeypatch.setattr(
+        comparison, "campaign_rows", lambda _: replace(CAMPAIGN, system=next(systems))
+    )
+    assert compare(folder, folder).compared == 5
+    with pytest.raises(ArgumentError, match="no results in common"):
+        compare(folder, folder)
 
 
 def test_margins_of_a_campaign_have_their_units(folder: Path) -> None:
