@@ -102,6 +102,13 @@ def test_fitted_starts_take_their_degrees_of_freedom() -> None:
     assert scales == pytest.approx({"angle": 2 * math.sqrt(12 / 9), "rate": 6 * math.sqrt(12 / 9)})
 
 
+def test_the_scale_of_huber_s_loss_is_the_deviation_of_all_but_the_stray_samples() -> None:
+    sound = 3.0 * np.random.default_rng(0).standard_normal(20_000)
+    parts = {"angle": [sound, np.full(200, 1e6)]}
+    residual: Any = SimpleNamespace(starts=np.zeros((1, 1)), errors=lambda _: parts, huber=True)
+    assert rescaled(residual, np.zeros(1))["angle"] == pytest.approx(3.0, rel=0.03)
+
+
 def test_a_batch_of_any_size_has_the_same_residuals(plant: Any, monkeypatch: Patch) -> None:
     parameters = parameters_of(to_identify(), ())
     predictor = windows(servo_log().between(0, 0.3))

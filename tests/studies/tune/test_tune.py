@@ -16,12 +16,15 @@ from commands import Screen, run
 from tune_cases import LAG, write_block, write_case
 
 from grosmc_mj import Experiment
+from grosmc_mj.experiments.file.paths import place_of
+from grosmc_mj.experiments.number import Number
 from grosmc_mj.ground.errors import ArgumentError
+from grosmc_mj.ground.fields import Range
 from grosmc_mj.output.results.verdicts import Verdict, verdict_of
 from grosmc_mj.studies.study import CellRunner
-from grosmc_mj.studies.tune.answer import binding, conflict, shares_of
-from grosmc_mj.studies.tune.numbers import start_of
-from grosmc_mj.studies.tune.row import TUNED, TunedLaw
+from grosmc_mj.studies.tune.answer import binding, conflict, numbers_table, shares_of
+from grosmc_mj.studies.tune.numbers import TunedNumber, ranges_of, start_of
+from grosmc_mj.studies.tune.row import TUNED, TunedLaw, TunedNumberRow
 from grosmc_mj.studies.tune.shares import Measure, TriedDesign
 from grosmc_mj.studies.tune.tune import TuneStudy, tune_study
 
@@ -285,6 +288,51 @@ def test_a_requirement_that_nothing_helps_excludes_no_other():
     designs = [tried(0.3, rise=1.35, overshoot=1.3), tried(0.9, rise=1.34, overshoot=2.5)]
     row = TunedLaw(law="mine", numbers=[], share=1.35, history=[], designs=designs, best=0, runs=2)
     assert conflict(row) is None
+
+
+# -- numbers ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("target", "names"),
+    [
+        ("servo/case1", ["Q[1]", "Q[2]"]),
+        ("two_link_arm/case1", ["Q[1]", "Q[2]", "Q[3]", "Q[4]", "R[2]"]),
+    ],
+)
+def test_all_weights_are_tuned_but_that_of_the_first_input(target: str, names: list[str]):
+    """Only their ratios count."""
+    study = tune_study(target, ["lqr"], conditions=["nominal"])
+    assert [number.name for number in study.laws[0].numbers] == names
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.2, 30.0), (-30.0, -0.2)])
+def test_a_number_of_either_sign_is_searched_by_the_logarithm_of_its_size(low: float, high: float):
+    path = "laws.mine.gain"
+    of_file = Number(path, "", Range(), (), place_of({"laws": {"mine": {}}}, path))
+    number = TunedNumber("gain", of_file, None, low, high)
+    ranges = ranges_of([number])
+    assert ranges.high[0] - ranges.low[0] == pytest.approx(math.log10(30 / 0.2))
+    assert number.value(ranges.low[0]) == pytest.approx(low)
+    assert number.value(ranges.high[0]) == pytest.approx(high)
+
+
+def test_a_table_has_the_number_of_the_file_before_the_tuned_one():
+    row = TunedNumberRow(
+        path="kp",
+        unit="V/rad",
+        before=1.0,
+        after=2.0,
+        low=0.5,
+        high=8.0,
+        grown=False,
+        at_end=False,
+        logarithmic=True,
+    )
+    law = TunedLaw(law="pid", numbers=[row], share=0.5, history=[], designs=[], best=0, runs=2)
+    shown = numbers_table([law])
+    assert [column.header for column in shown.columns][2:4] == ["in the file", "tuned"]
+    assert shown.rows == [["pid", "kp", "1", "2", "0.5", "8", "V/rad"]]
 
 
 # -- the command -----------------------------------------------------------------------------------
