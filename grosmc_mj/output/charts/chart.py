@@ -286,6 +286,16 @@ def level_line(y: float, name: str = "") -> LevelLine:
 # -- texts -----------------------------------------------------------------------------------------
 
 
+# Letters in a line of a column's name: as many as a cell is wide, less a gap to the next name.
+_COLUMN_NAME = 11
+
+
+def column_name(name: str) -> str:
+    """Wrap the name of a column of cells; a word of one letter more stays whole."""
+    longest_word = max(map(len, name.split()), default=0)
+    return in_lines(name, max(_COLUMN_NAME, min(longest_word, _COLUMN_NAME + 1)))
+
+
 def in_lines(text: str, letters: int = 44) -> str:
     """Wrap a text into as few lines as possible, of about equal length.
 

@@ -33,6 +33,7 @@ from grosmc_mj.output.charts.chart import (
     Span,
     Symbol,
     Tiles,
+    column_name,
     in_lines,
     letters_in,
 )
@@ -54,8 +55,6 @@ LEGEND_BESIDE = 1.6
 # Width of a legend's line and of the space around its label, in letters.
 _HANDLE = 7
 _MOST_COLUMNS = 3
-# Letters in a line of a column's name.
-COLUMN_NAME = 12
 _NOTE_INK = "#444444"
 _EMPTY_CELL = "#eeeeee"
 # A layer of more points is a picture in an SVG.
@@ -369,7 +368,7 @@ def _draw_cells(axes: Axes, cells: Cells) -> None:
         for j, text in enumerate(row):
             axes.text(j, i, text or "", ha="center", va="center", fontsize=7.5)
 
-    names = [in_lines(name, COLUMN_NAME) for name in cells.columns]
+    names = [column_name(name) for name in cells.columns]
     axes.set_yticks(range(len(cells.rows)), cells.rows)
     axes.set_xticks(range(len(names)), names, fontsize=8.5)
 

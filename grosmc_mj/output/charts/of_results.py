@@ -22,7 +22,7 @@ from grosmc_mj.output.charts.chart import (
     Panel,
     Symbol,
     Tiles,
-    in_lines,
+    column_name,
     level_line,
 )
 from grosmc_mj.output.palette import (
@@ -44,8 +44,6 @@ from grosmc_mj.output.results.result import CellChart, GridChart, LineChart, Res
 _CELL = (0.72, 0.32)
 _PANEL = (3.8, 3.1)
 _ROW_NAMES = 1.9
-# Letters in a line of a column's name.
-_COLUMN_NAME = 12
 # Least number of columns that a figure has room for.
 _FEWEST_COLUMNS = 4
 # Colours and symbols of curves that are no laws, in turn.
@@ -95,7 +93,7 @@ def cells_chart(title: str, charts: Sequence[CellChart], note: str) -> Chart:
 
 def _height_in_cells(chart: CellChart) -> float:
     """Return the height of a chart with its title and the names of its columns, in cells."""
-    names = [in_lines(name, _COLUMN_NAME) for name in chart.columns]
+    names = [column_name(name) for name in chart.columns]
     breaks = max((name.count("\n") for name in names), default=0)
     return len(chart.rows) + 1.2 + 0.6 * (1 + breaks)
 
