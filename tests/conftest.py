@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import blas_threads  # noqa: F401  (before what imports NumPy)
 import hypothesis
 import pytest
 from hostile_trial import Trial
@@ -37,9 +38,6 @@ hypothesis.settings.register_profile(
     "any machine", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
 )
 hypothesis.settings.load_profile("any machine")
-
-# A process a core runs tests: threads of a BLAS would only stand in their way.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # Tests that move the cache, to see what is kept of graphics, leave compiled laws where they are.
 os.environ.setdefault(

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from grosmc_mj.ground.errors import ArgumentError, one_line, value_text
-from grosmc_mj.ground.wording import unit_after
+from grosmc_mj.ground.wording import counted, unit_after
 from grosmc_mj.output.page.reading import Document, read_results
 from grosmc_mj.output.results.result import KEPT, NOT_KEPT, Answer, ReportTable, Result, result
 from grosmc_mj.output.results.tables import numbers, phrases, table, words
@@ -26,8 +26,8 @@ _SOURCES = {"git_revision", "machine", "seed", "versions", "configuration"}
 # Options of a campaign stand in its copy of the case file, too.
 _IN_FILE = "configuration.file.run."
 _UNJUDGED = (
-    "differences cannot be judged: they are of single runs with another random seed, which do not "
-    "show the scatter. Compare campaigns of both, or runs with one seed."
+    "cannot be judged: single runs with another random seed do not show the scatter. Compare "
+    "campaigns of both, or runs with one seed."
 )
 
 
@@ -232,7 +232,7 @@ def _answer(comparison: ResultComparison) -> Answer:
         question=f"What changed from {comparison.old} to {comparison.new}",
         verdict=NOT_KEPT if worse else KEPT,
         words=sentence,
-        more=f"{unjudged} {_UNJUDGED}" if unjudged else "",
+        more=f"{counted(unjudged, 'difference')} {_UNJUDGED}" if unjudged else "",
     )
 
 

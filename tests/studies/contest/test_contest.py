@@ -62,7 +62,7 @@ def contested(study: ContestStudy, folder: Path, *, resume: bool = False) -> lis
 def contest(tmp_path_factory: pytest.TempPathFactory) -> tuple[ContestStudy, list[ContestLaw]]:
     """A contest of three laws."""
     folder = tmp_path_factory.mktemp("contest")
-    study = contest_study(str(write_contest(folder)), runs=50)
+    study = contest_study(str(write_contest(folder)), runs=30)
     return study, contested(study, folder / "pieces")
 
 
@@ -70,7 +70,7 @@ def test_laws_have_two_rows_and_are_judged_alike(contest: tuple[ContestStudy, li
     _, rows = contest
     assert [row.law for row in rows] == ["mine", "critical", "swinging"]
     for row in rows:
-        assert row.runs <= 50
+        assert row.runs <= 30
         assert [entry.step for entry in row.entries] == [AS_IN_FILE, TUNED]
         for entry in row.entries:
             assert [verdict.condition for verdict in entry.verdicts] == ["nominal"]
@@ -165,7 +165,7 @@ def test_plants_have_a_column_and_none_has_been_seen(tmp_path: Path):
     path = write_contest(tmp_path)
     uncertain = '\n[[uncertain]]\nnumber = "edit.m.scale"\nvalues = [0.8, 1.25]\n'
     path.write_text(path.read_text(encoding="utf-8") + uncertain, encoding="utf-8")
-    study = contest_study(str(path), ["critical"], runs=40, plants=2, held_out=6)
+    study = contest_study(str(path), ["critical"], runs=30, plants=2, held_out=6)
     rows = contested(study, tmp_path / "pieces")
     tuned = rows[0].tuned
     assert tuned is not None
@@ -185,7 +185,7 @@ def test_six_of_six_plants_are_half_of_all_at_least(tmp_path: Path):
     path = write_contest(tmp_path)
     certain = '\n[[uncertain]]\nnumber = "edit.m.scale"\nvalues = [1.0, 1.01]\n'
     path.write_text(path.read_text(encoding="utf-8") + certain, encoding="utf-8")
-    study = contest_study(str(path), ["critical"], runs=40, plants=1, held_out=6)
+    study = contest_study(str(path), ["critical"], runs=30, plants=1, held_out=6)
     table = contest_table(study, contested(study, tmp_path / "pieces"))
     place = [column.header for column in table.columns].index("plants kept")
     assert list(table.rows[-1][place : place + 2]) == ["6 of 6", "54 to 100 %"]
@@ -196,7 +196,7 @@ def test_the_worst_disturbance_is_searched_with_both_kinds_of_numbers(tmp_path: 
     path = write_contest(tmp_path)
     held = '\n[[requirement]]\nstays_within = "0.1 m"\nafter = "5 s"\n'
     path.write_text(path.read_text(encoding="utf-8") + held, encoding="utf-8")
-    study = contest_study(str(path), ["critical"], runs=40, on="force", bound="0.05 N")
+    study = contest_study(str(path), ["critical"], runs=30, on="force", bound="0.05 N")
     (row,) = contested(study, tmp_path / "pieces")
     in_file, tuned = row.entries
     assert in_file.worst_disturbance is not None
@@ -216,7 +216,7 @@ def test_a_place_of_a_disturbance_needs_a_bound(tmp_path: Path):
 
 def test_a_law_that_cannot_be_tuned_is_named_and_the_others_contend(tmp_path: Path):
     path = write_contest(tmp_path)
-    study = contest_study(str(path), ["critical", "mine"], runs=40)
+    study = contest_study(str(path), ["critical", "mine"], runs=30)
 
     def progress(text: str = "", by: int = 1) -> None:
         if text.startswith("critical"):
@@ -240,15 +240,20 @@ def test_a_law_with_other_numbers_contends_once(tmp_path: Path):
     assert study.left_out == {"quick": "critical with other numbers"}
 
 
-@pytest.mark.parametrize(("laws", "code"), [(["critical"], 0), (["swinging"], 1)])
-def test_exit_code_says_whether_a_law_keeps_all(tmp_path: Path, laws: list[str], code: int):
+@pytest.mark.parametrize(
+    ("laws", "code", "figures"),
+    [(["critical"], 0, "--figures"), (["swinging"], 1, "--no-figures")],
+)
+def test_exit_code_says_whether_a_law_keeps_all(
+    tmp_path: Path, laws: list[str], code: int, figures: str
+):
     path = write_contest(tmp_path)
     out = tmp_path / "out"
-    options = ["--laws", *laws, "--runs", 30, "--out", out]
+    options = ["--laws", *laws, "--runs", 30, figures, "--out", out]
     assert run("study", "contest", path, *options) == code
     document = json.loads((out / "contest_mine.json").read_text(encoding="utf-8"))
     assert [law["law"] for law in document["laws"]] == laws
-    assert (out / "contest_mine.png").exists()
+    assert (out / "contest_mine.png").exists() == (figures == "--figures")
     # The case of the tuned laws, beside the file.
     tuned = tmp_path / "contest_mine.toml"
     assert [item["name"] for item in Experiment.load(tuned).file.content["controller"]] == laws

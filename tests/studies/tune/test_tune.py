@@ -79,12 +79,12 @@ def test_the_block_settles_no_sooner_than_bang_bang(tmp_path: Path):
 
 def test_what_no_numbers_keep_is_not_found(tmp_path: Path):
     path = write_block(tmp_path, settles="0.9 s")
-    study = tune_study(str(path), ["mine"], BLOCK_NUMBERS, runs=60)
+    study = tune_study(str(path), ["mine"], BLOCK_NUMBERS, runs=30)
     row = tuned(study, tmp_path / "pieces")
     assert not row.found
     assert not row.kept
     assert row.share > 1
-    assert row.runs == 60
+    assert row.runs == 30
 
 
 # -- the search ------------------------------------------------------------------------------------
@@ -153,10 +153,10 @@ def test_a_resumed_search_is_the_same_to_the_bit(tmp_path: Path):
 def test_a_longer_search_goes_on_from_a_shorter_one(tmp_path: Path):
     """Its populations ask the same, as far as the shorter one has asked."""
     path = str(write_block(tmp_path, settles="0.9 s"))
-    short = tune_study(path, ["mine"], runs=60)
+    short = tune_study(path, ["mine"], runs=30)
     tuned(short, tmp_path / "pieces")
     before = set((tmp_path / "pieces").iterdir())
-    longer = replace(short, runs=120)
+    longer = replace(short, runs=60)
     resumed = tuned(longer, tmp_path / "pieces", resume=True)
     alone = tuned(longer, tmp_path / "alone")
     assert resumed == alone
@@ -361,11 +361,13 @@ def test_the_command_writes_a_case_that_passes(tmp_path: Path, capsys: Screen):
 
 def test_the_command_says_how_near_the_nearest_came(tmp_path: Path, capsys: Screen):
     path = write_block(tmp_path, settles="0.9 s")
-    assert run("tune", path, "--law", "mine", "--runs", 60, "--out", tmp_path) == 1
+    assert run("tune", path, "--law", "mine", "--runs", 40, "--no-figures", "--out", tmp_path) == 1
     printed = capsys.readouterr().out
-    assert printed.startswith("None found for mine in 60 runs; nearest: settles within 1.")
+    (law,) = json.loads((tmp_path / "tune_mine.json").read_text())["laws"]
+    nearest = f"nearest: settles within {law['share']:.3g} times its limit"
+    assert printed.startswith(f"None found for mine in 40 runs; {nearest}.")
     assert "impossible" not in printed
-    assert "Go on with --resume --runs 120" in printed
+    assert "Go on with --resume --runs 80" in printed
 
 
 WRONG = {
