@@ -160,10 +160,10 @@ def _say_model(console: Console, plant: Plant, x0: Sequence[float]) -> None:
         texts[name] = f"{titled(name, position.unit)} {way} {_axis_in_words(axes[name])}"
     joints = [texts.get(name, name) for name in joint_names(plant.model)]
 
-    bodies = ", ".join(body_names(plant.model))
+    bodies = name_list(body_names(plant.model))
     _say(console, "bodies", f"{bodies}  (body of [[edit]])")
     _say(console, "joints", f"{', '.join(joints)}  (joint of [[edit]])")
-    pushed = ", ".join(system.bodies)
+    pushed = name_list(system.bodies)
     axes_in_words = "of joints, as the first case starts, and of wrenches are those of the world"
     _say(console, "axes", f"{axes_in_words}; body of [[disturbance]]: {pushed}")
 
