@@ -85,6 +85,24 @@ def test_a_name_has_no_range() -> None:
     assert range_of(Spring, "joint") is None
 
 
+@pytest.mark.parametrize(
+    ("unit", "number", "usual"),
+    [
+        ("ohm", 1e6, ""),
+        ("ohm", 2e6, "1e-06 to 1e+06"),
+        ("m", -3.0, ""),
+        ("m", -2e4, "1e-09 to 10000"),
+        ("s", 0.0, ""),
+        ("s", math.inf, ""),
+        ("widgets", 1e-13, "1e-12 to 1e+12"),
+    ],
+)
+def test_a_number_far_from_those_of_its_unit_is_told_the_usual_ones(
+    unit: str, number: float, usual: str
+) -> None:
+    assert Range(unit=unit).unusual(number) == usual
+
+
 @checked_call
 def weigh(gain: Positive, matrix: Annotated[Array, Reals((None, 2))]) -> Array:
     return gain * matrix

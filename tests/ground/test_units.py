@@ -90,6 +90,47 @@ def test_a_unit_has_its_value_in_the_tables_of_scipy(name, unit, value) -> None:
 
 
 @pytest.mark.parametrize(
+    ("unit", "definition"),
+    [
+        ("N", "kg m/s^2"),
+        ("Pa", "N/m^2"),
+        ("J", "N m"),
+        ("W", "J/s"),
+        ("V", "W/A"),
+        ("C", "A s"),
+        ("ohm", "V/A"),
+        ("F", "C/V"),
+        ("H", "V s/A"),
+        ("Wb", "V s"),
+        ("T", "Wb/m^2"),
+    ],
+)
+def test_a_derived_unit_is_that_of_the_si(unit, definition) -> None:
+    assert number_in(f"3 {unit}", definition) == 3.0
+
+
+@pytest.mark.parametrize(
+    ("prefix", "value"),
+    [
+        ("p", constants.pico),
+        ("n", constants.nano),
+        ("u", constants.micro),
+        ("m", constants.milli),
+        ("c", constants.centi),
+        ("d", constants.deci),
+        ("da", constants.deka),
+        ("h", constants.hecto),
+        ("k", constants.kilo),
+        ("M", constants.mega),
+        ("G", constants.giga),
+        ("T", constants.tera),
+    ],
+)
+def test_a_prefix_has_its_value_in_the_tables_of_scipy(prefix, value) -> None:
+    assert number_in(f"2 {prefix}N", "N") == pytest.approx(2 * value, rel=1e-15)
+
+
+@pytest.mark.parametrize(
     "written",
     ["m/", "m)", "(m", "m//s", "m^12", "m^^2", "m^9^9", "(m^9)^9", "()", "/s", "m_s", "m" * 41],
 )
@@ -111,6 +152,11 @@ def test_a_text_that_is_no_unit_is_refused(written) -> None:
 def test_a_unit_of_another_kind_is_told_from_one_that_is_not_known(value, unit, reason) -> None:
     with pytest.raises(ArgumentError, match=reason):
         number_in(value, unit)
+
+
+def test_a_decimal_comma_is_told_as_a_point() -> None:
+    with pytest.raises(ArgumentError, match=r'decimal comma: write "-1\.5 m"'):
+        number_in("-1,5 m", "m")
 
 
 def test_a_formula_knows_an_angle_from_a_number() -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
+from mjcf import ONE
 from scipy.linalg import solve_continuous_are
 from shipped import error_of, nominal, robust, task_of, uncertainty_of, weights_of
 
@@ -18,7 +19,8 @@ from grosmc_mj.experiments.assumptions.balance import Loads, balance
 from grosmc_mj.experiments.requirements.optimum import compare_with_optimum
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import GainError
-from grosmc_mj.theory.control.controller import Controller, gain_keys
+from grosmc_mj.mechanics.robots.robot import Robot
+from grosmc_mj.theory.control.controller import Controller, gain_keys, named_gains
 from grosmc_mj.theory.control.coordinates.symbolic import ErrorCoordinates
 from grosmc_mj.theory.control.design import (
     linear_grosmc,
@@ -420,6 +422,17 @@ def test_s_has_a_unit_where_G_B_is_one(G: Any, unit: str) -> None:
     assert state_grosmc(hung_at(0.0), G=G).designed.sliding_unit == unit
 
 
+def test_a_limit_of_the_nominal_input_is_the_room_that_is_left_where_the_plant_rests() -> None:
+    """0.9 of it, to the nearer end of -5 N m to 8 N m."""
+    drive = '<motor name="drive" joint="hinge" ctrlrange="-5 8"/>'
+    plant = Robot.from_mjcf(ONE.format("", drive)).plant
+    point = equilibrium(plant, {0: 0.4})
+    (held,) = point.u.tolist()
+    assert held < -0.5
+    law = state_grosmc(state_task(plant, np.eye(2), 1.0, point))
+    assert law.parameters.limit == pytest.approx(0.9 * (held + 5))
+
+
 def two_carts() -> AnalyticPlant:
     """Two carts with a spring between them, and two inputs that reach both."""
     p1, p2, v1, v2, k = sp.symbols("p1 p2 v1 v2 k")
@@ -477,3 +490,10 @@ def test_both_engines_run_a_law_of_two_inputs_alike() -> None:
 def test_each_entry_of_a_gain_has_a_name_of_its_own(rows: int, columns: int) -> None:
     keys = gain_keys("K", rows, columns)
     assert len(set(keys.values())) == rows * columns
+
+
+def test_a_gain_is_told_row_by_row() -> None:
+    K = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
+    gains = {"K11": 1, "K12": 2, "K13": 3, "K21": 4, "K22": 5, "K23": 6}
+    assert named_gains(K=K) == gains
+    assert named_gains(K=K[:1]) == {"K1": 1, "K2": 2, "K3": 3}

@@ -18,6 +18,7 @@ from grosmc_mj.simulation.disturbances import Constant, Disturbance
 from grosmc_mj.simulation.simulate import simulate
 from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.theory.control.controller import Controller
+from grosmc_mj.theory.control.design import computed_torque_pd
 from grosmc_mj.theory.control.kinds.adaptive import Adaptive, LinearAdaptive
 from grosmc_mj.theory.control.kinds.adrc import Adrc, LinearAdrc, observer
 from grosmc_mj.theory.control.kinds.fl_lqr import FlLqr
@@ -151,6 +152,12 @@ def test_pid_has_all_poles_at_its_frequency(design: str) -> None:
     """A triple pole splits by eps^(1/3)."""
     closed, _ = augmented(controller(design, "fl-pid"))
     np.testing.assert_allclose(np.linalg.eigvals(closed), -FREQUENCY, atol=3e-4)
+
+
+def test_pd_has_two_poles_of_its_frequency_and_damping_for_each_output() -> None:
+    poles = computed_torque_pd(task_of(REGULATION), 5.0, damping=0.6).designed.lqr.poles
+    expected = [-3 - 4j, -3 - 4j, -3 + 4j, -3 + 4j]
+    np.testing.assert_allclose(sorted(poles, key=lambda pole: pole.imag), expected, atol=1e-6)
 
 
 @each_design

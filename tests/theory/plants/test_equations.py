@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -158,8 +159,12 @@ VALUES = {
 }
 
 
-def test_expressions_are_computed_as_by_hand() -> None:
+def test_expressions_are_computed_as_by_hand(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """All are floats, for compiled code has one type for all entries of a tuple."""
+    # A source that is kept on disk would hide what is written now.
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     function = generate("values", list(VALUES), "x", {X1: "x[0]"})
     x = np.array([0.7])
     assert function(x) == pytest.approx(tuple(VALUES.values()), rel=1e-15)
