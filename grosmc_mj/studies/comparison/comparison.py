@@ -31,6 +31,40 @@ _UNJUDGED = (
 )
 
 
+class _Side(NamedTuple):
+    """Documents of one side.
+
+    Attributes:
+        path: The side: a file or a folder.
+        documents: Its documents, the newest last.
+    """
+
+    path: Path
+    documents: Sequence[Document]
+
+    def sources(self, several: Set[str]) -> dict[tuple[str, str], Any]:
+        """Return what the documents were made from, by origin and key.
+
+        Args:
+            several: Kinds of which there are several: their origin has the name of the file, too.
+        """
+        sources: dict[tuple[str, str], Any] = {}
+        for document in self.documents:
+            origin = document.kind
+            if document.kind in several:
+                origin = f"{document.kind} of {self._name(document.path)}"
+            for key, value in leaves(document.content.model_dump(include=_SOURCES)):
+                if value is not None:
+                    sources[origin, key] = value
+        return sources
+
+    def _name(self, file: Path) -> str:
+        """Return the name of a file within the side."""
+        if file == self.path:
+            return file.name
+        return file.relative_to(self.path).as_posix()
+
+
 class ResultComparison(NamedTuple):
     """Changes between the results in two files or folders.
 
@@ -92,7 +126,7 @@ def compare(old: Path, new: Path) -> ResultComparison:
         new=new,
         changes=sorted(listed, key=lambda change: change.order),
         compared=compared,
-        sources=_source_differences(before.documents, after.documents),
+        sources=_source_differences(_Side(old, before.documents), _Side(new, after.documents)),
         notices=[*before.notices, *after.notices],
     )
 
@@ -134,23 +168,27 @@ def _pairs(old: Set[str], new: Set[str]) -> dict[str, str]:
     return pairs
 
 
-def _source_differences(old: Sequence[Document], new: Sequence[Document]) -> list[str]:
+def _source_differences(old: _Side, new: _Side) -> list[str]:
     """Write a line for each difference of revision, versions, machine, seed and configuration."""
-    before = _sources(old)
-    after = _sources(new)
-    shared_kinds = {kind for kind, _ in before} & {kind for kind, _ in after}
+    kinds = Counter(document.kind for document in old.documents)
+    kinds |= Counter(document.kind for document in new.documents)
+    several = {kind for kind, count in kinds.items() if count > 1}
+    before = old.sources(several)
+    after = new.sources(several)
+    shared = {origin for origin, _ in before} & {origin for origin, _ in after}
 
     changed = {
-        (kind, key): (before.get((kind, key)), after.get((kind, key)))
-        for kind, key in before | after
-        if kind in shared_kinds and before.get((kind, key)) != after.get((kind, key))
+        (origin, key): (before.get((origin, key)), after.get((origin, key)))
+        for origin, key in before | after
+        if origin in shared and before.get((origin, key)) != after.get((origin, key))
     }
-    # Several kinds of results may have one difference, such as the machine: it is written once.
+    # Several results may have one difference, such as the machine: it is written once.
     lines: dict[str, None] = {}
-    for (kind, key), values in changed.items():
-        if changed.get((kind, _shorter(key))) == values:
+    for (origin, key), values in changed.items():
+        if changed.get((origin, _shorter(key))) == values:
             continue
-        name = f"{kind}: {key}" if key.startswith("configuration") else key
+        of_one = key.startswith("configuration") or (key == "seed" and origin not in kinds)
+        name = f"{origin}: {key}" if of_one else key
         lines[one_line(f"{name}: {_source(values[0])} -> {_source(values[1])}")] = None
     return list(lines)
 
@@ -160,16 +198,6 @@ def _shorter(key: str) -> str:
     if key.startswith(_IN_FILE):
         return f"configuration.{key.removeprefix(_IN_FILE)}"
     return key.removeprefix("configuration.") if key.startswith("configuration.") else ""
-
-
-def _sources(documents: Sequence[Document]) -> dict[tuple[str, str], Any]:
-    """Return what the oldest document of each kind was made from, by kind and key."""
-    sources: dict[tuple[str, str], Any] = {}
-    for document in reversed(documents):
-        for key, value in leaves(document.content.model_dump(include=_SOURCES)):
-            if value is not None:
-                sources[document.kind, key] = value
-    return sources
 
 
 def _source(value: Any) -> str:

@@ -455,6 +455,18 @@ def test_folders_of_two_names_stand_above_the_columns_alone() -> None:
     assert {change.name for change in changes} == {"grosmc", "lqr"}
 
 
+def test_options_of_several_results_of_a_kind_are_told_by_their_files(tmp_path: Path) -> None:
+    """The later one does not hide the other."""
+    for side, numbers in (("old", (1, 1)), ("new", (2, 3))):
+        for name, number in zip(("servo", "arm"), numbers, strict=True):
+            document = {**run_document(), "configuration": {"duration": number}}
+            write_document(tmp_path / side / f"{name}.json", document)
+    assert sorted(compare(tmp_path / "old", tmp_path / "new").sources) == [
+        "run of arm.json: configuration.duration: 1 -> 3",
+        "run of servo.json: configuration.duration: 1 -> 2",
+    ]
+
+
 def test_an_option_that_a_manifest_has_twice_is_one_line(tmp_path: Path) -> None:
     sides: list[Path] = []
     for name, number in (("old", 1), ("new", 2)):
