@@ -63,6 +63,26 @@ def test_with_parameters_changes_a_number() -> None:
     assert plant.changed(a=2.0).parameters.a == 2.0
 
 
+@pytest.mark.parametrize(
+    ("outputs", "controlled"), [([x2], (1,)), ([x1 + x2], (0,)), ([sp.sinh(x1)], (0,))]
+)
+def test_a_run_is_judged_by_the_outputs_that_are_states_or_by_the_first_state(
+    outputs: Any, controlled: tuple[int, ...]
+) -> None:
+    plant = gm.affine_plant("chain", **CHAIN | {"f": [x2, 0], "h": outputs, "parameters": {}})
+    assert plant.system.controlled == controlled
+
+
+@pytest.mark.parametrize(("where", "words"), [("a gap", "a gap"), ("", "x > 0")])
+def test_a_region_has_the_words_of_its_user_or_those_of_its_condition(
+    where: str, words: str
+) -> None:
+    plant = first_order(0, region=x > 0, where=where)
+    assert plant.system.region == words
+    assert plant.system.linearizable([0.1])
+    assert not plant.system.linearizable([-0.1])
+
+
 def test_jacobian_is_exact_whatever_the_parameters_are_called() -> None:
     """A parameter may be named like an input's symbol."""
     A, B = chain(f2=-sp.Symbol("u0") * x1, u0=3.0).jacobian([0.5, 0.0], [7.0])

@@ -373,6 +373,15 @@ def test_arguments_of_a_wrong_shape_are_refused(arguments: Any) -> None:
         analytic("cart_pendulum").derivative(*arguments)
 
 
+def test_one_number_is_no_input_of_two_but_zero() -> None:
+    arm = analytic("two_link_arm")
+    np.testing.assert_array_equal(
+        arm.derivative([0.1] * 4, 0.0), arm.derivative([0.1] * 4, [0.0, 0.0])
+    )
+    with pytest.raises(ArgumentError, match=r"must be \(4,\), \(2,\) and \(18,\)"):
+        arm.derivative([0.1] * 4, 1.0)
+
+
 @pytest.mark.parametrize(
     ("x", "u", "words"),
     [
