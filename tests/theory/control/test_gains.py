@@ -297,6 +297,18 @@ def test_a_held_plant_stays_where_it_rests(make: Any) -> None:
     assert np.abs(run.memory["v"]).max() < 1e-12
 
 
+def test_the_motion_about_an_operating_point_is_the_plant_s_own_at_any_input() -> None:
+    """z' = drift + gain (u - u_e), whose drift is that of the input that holds it."""
+    task = hung_at(0.8)
+    rest = task.reference
+    p = linear_lqr(task).parameters
+    x = rest.x + np.array([0.1, -0.2])
+    u = rest.u + 3.0
+    error: Any = task.error
+    (drift,), (gain,) = error.error_dynamics([0.0], x[None], p, task.plant, u=u[None])
+    np.testing.assert_allclose(drift + gain @ [3.0], task.plant.derivative(x, u), rtol=1e-9)
+
+
 def test_the_optimum_of_a_held_plant_starts_where_the_run_does() -> None:
     task = hung_at(0.8)
     law = state_grosmc(task)

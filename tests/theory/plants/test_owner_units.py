@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.ground.fields import OwnerUnit, Range
-from grosmc_mj.theory.plants import CART_PENDULUM, SERVO, TWO_LINK_ARM, System
+from grosmc_mj.theory.plants import CART_PENDULUM, SERVO, TWO_LINK_ARM, Signal, System
 from grosmc_mj.theory.plants import owner_units as units
+
+
+def driven(system: System, *units: str) -> System:
+    """The system with inputs of these units."""
+    inputs = [Signal(f"drive {i}", f"u{i}", unit) for i, unit in enumerate(units, 1)]
+    return replace(system, inputs=tuple(inputs))
 
 
 @pytest.mark.parametrize(
@@ -25,8 +33,13 @@ from grosmc_mj.theory.plants import owner_units as units
         (units.GEAR, SERVO, "current", "N m/A"),
         # Force of a joint for a force of the input.
         (units.GEAR, CART_PENDULUM, "force", "1"),
+        # Of an input whose unit is a quotient or a product.
+        (units.GEAR, driven(SERVO, "rad/s"), "drive 1", "N m/(rad/s)"),
+        (units.GEAR, driven(SERVO, "V s"), "drive 1", "N m/(V s)"),
+        (units.GEAR, driven(SERVO, "1"), "drive 1", "N m"),
         # The actuator's name in the model.
         (units.INPUT, TWO_LINK_ARM, "elbow_torque", "N m"),
+        (units.INPUT, driven(TWO_LINK_ARM, "V", "A"), "elbow_torque", "A"),
     ],
 )
 def test_the_unit_of_a_number_is_that_of_its_owner(
