@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -52,6 +53,7 @@ UNJUDGED = Effect.UNJUDGED
 def run_document(
     *,
     margin: float = 1.0,
+    size: float = 4.0,
     deviation: float | None = 4e-3,
     verdict: str = "kept",
     premise: str = "completed",
@@ -67,7 +69,7 @@ def run_document(
             value=margin,
             unit="s",
             better=1,
-            size=4.0,
+            size=size,
             relative=0.0,
             absolute=0.02,
         ),
@@ -119,6 +121,7 @@ def test_changes_come_by_their_effect_and_of_one_effect_by_their_relative_size()
         # Rounding is of the size that was measured, 4.
         ({"margin": 1.0 + 3.9e-6}, {"margin": NOISE}),
         ({"margin": 1.0 + 4.1e-6}, {"margin": BETTER}),
+        ({"margin": 1.0 + 3.9e-6, "size": 1.0}, {"margin": NOISE}),
         ({"margin": -0.1, "verdict": "not kept"}, {"margin": WORSE, "settles": WORSE}),
         ({"deviation": 4.1e-3}, {"deviation": CHANGED}),
         # On another machine switching parts the trajectories: 25 % of a deviation are noise.
@@ -235,6 +238,15 @@ def test_other_sources_are_named(tmp_path: Path) -> None:
     assert "machine: here -> there" in sources
     assert "versions.mujoco: 3.17.0 -> 3.18.0" in sources
     assert any("configuration.engine" in line for line in sources)
+
+
+def test_of_several_results_of_a_kind_the_oldest_names_the_source(tmp_path: Path) -> None:
+    old = written(tmp_path / "old", run_document())
+    new = tmp_path / "new"
+    for age, machine in ((1, "second"), (2, "first"), (0, "third")):
+        path = write_document(new / f"{machine}.json", run_document(machine=machine))
+        os.utime(path, (1e9 - age, 1e9 - age))
+    assert "machine: here -> first" in compare(old, new).sources
 
 
 @pytest.mark.parametrize("names", [("x: a", "x: a"), ("s/v1 lqr: a", "s/v2 lqr: a")])

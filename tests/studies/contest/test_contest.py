@@ -249,7 +249,7 @@ def test_exit_code_says_whether_a_law_keeps_all(
 ):
     path = write_contest(tmp_path)
     out = tmp_path / "out"
-    options = ["--laws", *laws, "--runs", 30, figures, "--out", out]
+    options = ["--laws", *laws, "--runs", 14, figures, "--out", out]
     assert run("study", "contest", path, *options) == code
     document = json.loads((out / "contest_mine.json").read_text(encoding="utf-8"))
     assert [law["law"] for law in document["laws"]] == laws

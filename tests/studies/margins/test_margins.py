@@ -70,7 +70,8 @@ def step(folder: Path, **tables: Any) -> str:
 def small(tmp_path_factory: pytest.TempPathFactory) -> tuple[MarginStudy, LawMargins, LawMargins]:
     """The study of the step through the encoder, with its rows of LQR and the implicit law."""
     laws = [{"law": "lqr"}, {"name": "implicit", **IMPLICIT}]
-    studied = margin_study(step(tmp_path_factory.mktemp("step"), **LOOP, controller=laws))
+    target = step(tmp_path_factory.mktemp("step"), **LOOP, controller=laws)
+    studied = margin_study(target, period="2 s")
     setup = studied.setups[1]
     lqr, implicit = [law_margins(studied, setup, law) for law in setup.laws]
     return studied, lqr, implicit
@@ -471,7 +472,8 @@ def test_the_disk_that_is_drawn_passes_the_axis_at_the_least_gains() -> None:
 def test_the_command_prints_its_answer_and_resumes(
     tmp_path: Path, printed: Callable[..., None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    step(tmp_path)
+    # Late by two samples, but linear.
+    step(tmp_path, computing={"delay": "4 ms"})
     command = ("study", "margins", "mine.toml", "--laws", "lqr", "--period", "1 s", "--verbose")
     assert run(*command, "--out", "out") == cli.DONE
     path = tmp_path / "out" / "margins_mine.json"

@@ -43,7 +43,7 @@ def test_a_question_without_sense_is_one_line(
 
 def test_a_law_that_converges_from_no_start_is_a_verdict(printed: Any) -> None:
     short = ("--points", "2", "--duration", "0.01", "--laws", "lqr")
-    printed("study", "region", "arm", *short, "--out", "results")
+    printed("study", "region", "arm", *short, "--no-figures", "--out", "results")
 
 
 def read(folder: Path, name: str) -> dict[str, Any]:
