@@ -9,6 +9,7 @@ import subprocess
 import sys
 import unittest
 import warnings
+from pathlib import Path
 from typing import Any
 
 import cases
@@ -90,6 +91,24 @@ def test_both_make_the_same_numbers() -> None:
         face.step(np.array([3.0]))
 
 
+def start_in_gymnasium(seed: int) -> float:
+    observation, _ = CaseEnv("servo", spread=0.1).reset(seed=seed)
+    return float(observation["rotor angle"][0])
+
+
+def start_in_dm_control(seed: int) -> float:
+    return float(load("servo", spread=0.1, seed=seed).reset().observation["rotor angle"][0])
+
+
+@pytest.mark.parametrize("start", [start_in_gymnasium, start_in_dm_control])
+def test_a_seed_decides_where_an_episode_starts(start: Any) -> None:
+    assert start(1) == start(1) != start(2)
+
+
+def test_dm_control_knows_the_control_period() -> None:
+    assert load("servo", control_period=7e-3).control_timestep() == pytest.approx(7e-3)
+
+
 def test_an_early_end_terminates_an_episode_without_discount() -> None:
     environment = load("arm", control_period=5e-3)
     face = CaseEnv("arm", control_period=5e-3)
@@ -143,6 +162,17 @@ SLIDE = """<mujoco model="slide"><worldbody><body><joint name="slide" type="slid
 <actuator><motor name="force" joint="slide" ctrlrange="-10 30"/></actuator></mujoco>"""
 
 
+def slide(folder: Path) -> Experiment:
+    """A case of the slide at rest."""
+    (folder / "slide.xml").write_text(SLIDE)
+    return cases.case("slide.xml", folder=folder, task={"reference": ["0"], "Q": [1, 1], "R": 1})
+
+
+def test_a_specification_of_actions_has_both_limits_of_the_actuator(tmp_path: Path) -> None:
+    spec = load(slide(tmp_path)).action_spec()
+    assert (spec.minimum.tolist(), spec.maximum.tolist()) == ([-10.0], [30.0])
+
+
 @pytest.mark.parametrize(
     ("options", "low", "high"),
     [
@@ -152,11 +182,9 @@ SLIDE = """<mujoco model="slide"><worldbody><body><joint name="slide" type="slid
     ],
 )
 def test_actions_have_the_limits_of_the_actuator_or_narrower_ones(
-    options: Any, low: float, high: float, tmp_path: Any
+    options: Any, low: float, high: float, tmp_path: Path
 ) -> None:
-    (tmp_path / "slide.xml").write_text(SLIDE)
-    task = {"reference": ["0"], "Q": [1, 1], "R": 1}
-    face = CaseEnv(cases.case("slide.xml", folder=tmp_path, task=task), **options)
+    face = CaseEnv(slide(tmp_path), **options)
     space: Any = face.action_space
     assert (space.low.tolist(), space.high.tolist()) == ([low], [high])
     # For 2 ms three quarters of the way from the least to the largest force, on 2 kg.
@@ -168,11 +196,9 @@ def test_actions_have_the_limits_of_the_actuator_or_narrower_ones(
 
 @pytest.mark.parametrize(("action", "force"), [(-50.0, -10.0), (50.0, 30.0)])
 def test_an_action_beyond_the_actuator_s_range_is_cut_to_its_nearer_end(
-    action: float, force: float, tmp_path: Any
+    action: float, force: float, tmp_path: Path
 ) -> None:
-    (tmp_path / "slide.xml").write_text(SLIDE)
-    task = {"reference": ["0"], "Q": [1, 1], "R": 1}
-    episode = CaseEnv(cases.case("slide.xml", folder=tmp_path, task=task)).episode
+    episode = CaseEnv(slide(tmp_path)).episode
     episode.hold([action])
     episode.advance(2)
     assert episode.x[1] == pytest.approx(force / 2.0 * 4e-3, rel=1e-9)

@@ -70,6 +70,26 @@ def one_input(t: float, x: Any, memory: Any, p: Any) -> tuple[float]:
     return (1.0,)
 
 
+def without_its_number(t: float, x: Any, memory: Any, p: Any) -> float:
+    return p.k * x[0]
+
+
+def without_its_memory(t: float, x: Any, memory: Any, p: Any) -> float:
+    return memory.kept * x[0]
+
+
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [
+        (without_its_number, "p has no 'k': give it as k = 0 beside the law"),
+        (without_its_memory, r"memory has no 'kept': give it as memory = \{ kept = 0 \} beside"),
+    ],
+)
+def test_a_law_that_lacks_a_number_is_told_how_to_give_it(law: Any, words: str) -> None:
+    with pytest.raises(ArgumentError, match=words):
+        run(law, "corrected", "python")
+
+
 def last_line_of(law: Any) -> int:
     lines, first = inspect.getsourcelines(law)
     return first + len(lines) - 1

@@ -156,6 +156,8 @@ def test_axes_of_joints_turn_with_their_bodies() -> None:
     plant = Robot.from_mjcf(TREE).plant
     turn = 0.5
     axes = joint_axes(plant, [turn, 0.0, 0.0, 0.0, 0.0, 0.0])
+    # They stay when those of another state are asked for.
+    joint_axes(plant, np.zeros(6))
     np.testing.assert_allclose(axes["turn"], [0, 0, 1], atol=1e-12)
     np.testing.assert_allclose(axes["lift"], [np.sin(turn), -np.cos(turn), 0], atol=1e-12)
 

@@ -16,6 +16,7 @@ from grosmc_mj.mechanics.machine import Transmission
 from grosmc_mj.mechanics.physics.dry_friction import creeping_joints
 from grosmc_mj.mechanics.physics.edits import JointEdit
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
+from grosmc_mj.theory.plants import SERVO
 
 FRICTION = 0.3
 # 4,096 counts a turn.
@@ -35,6 +36,16 @@ def angle(data: mujoco.MjData) -> float:
 @pytest.mark.parametrize(("integrator", "timestep"), [("implicitfast", 4e-3), ("RK4", 1e-3)])
 def test_dry_friction_holds_a_joint_under_half_of_it(integrator: Any, timestep: float) -> None:
     plant = dry_servo(FRICTION, timestep, integrator)
+    angles = stepped(plant, 2.0, angle, u=FRICTION / 2 / GEAR)
+    assert np.abs(angles).max() < ENCODER_STEP / 50
+
+
+def test_dry_friction_holds_a_joint_of_a_model_whose_time_constants_are_taken_as_they_are() -> None:
+    spec = MujocoPlant.load("servo", timestep=TIMESTEP).spec.copy()
+    spec.option.timestep = TIMESTEP
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_REFSAFE
+    edit = JointEdit("shaft", damping=0.0, friction=FRICTION)
+    plant = MujocoPlant(SERVO, spec, (edit,), integrator="RK4")
     angles = stepped(plant, 2.0, angle, u=FRICTION / 2 / GEAR)
     assert np.abs(angles).max() < ENCODER_STEP / 50
 
