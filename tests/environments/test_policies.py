@@ -185,6 +185,11 @@ def test_a_model_that_predicts_is_a_policy_and_reset_where_a_run_begins() -> Non
         assert run(PENDULUM, counting, duration=0.004).command.tolist() == [1.0, 2.0, 3.0, 4.0]
 
 
+@pytest.mark.parametrize(("name", "called"), [("", "missing"), ("mine", "mine")])
+def test_a_policy_is_called_as_its_function_or_by_a_name(name: str, called: str) -> None:
+    assert policy_controller(missing, law("cart_pendulum"), name=name).name == called
+
+
 def test_a_policy_is_undefined_where_its_index_is() -> None:
     with pytest.raises(UndefinedLawError, match=r"the law is undefined outside \|theta\| < pi/2"):
         run(PENDULUM, asking(lambda _: -20.0), duration=3.0, T=1e-2)

@@ -143,6 +143,11 @@ def test_a_table_holds_each_value_once_or_again_and_again(periodic: bool, values
         np.testing.assert_allclose(signal, amplitude * values)
 
 
+def test_a_table_is_zero_before_its_first_value_and_after_its_last() -> None:
+    table = Table(TABLE, 0.5)
+    assert [table(t) for t in (-0.2, 0.0, 1.4, 1.5)] == [0.0, TABLE[0], TABLE[-1], 0.0]
+
+
 def everywhere(profiles: list[Any], kind: str) -> list[Any]:
     """A disturbance at every place, each with a course of its own."""
     wrench, at_input, at_output, at_rate = profiles

@@ -10,7 +10,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent.futures import BrokenExecutor, Future
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -22,8 +22,14 @@ from commands import Patch, hear_interrupts
 from loky import cpu_count
 
 from grosmc_mj.ground.errors import ArgumentError, DivergenceError, SetupError
-from grosmc_mj.ground.executors import Executor, Finished, make_executor
-from grosmc_mj.ground.executors.pools import WorkOutcome, _run_until_broken, attempt
+from grosmc_mj.ground.executors import Executor, Finished, executor_for, make_executor
+from grosmc_mj.ground.executors.pools import (
+    InProcess,
+    Processes,
+    WorkOutcome,
+    _run_until_broken,
+    attempt,
+)
 
 # A child that has not begun or ended by then never will [s].
 SOON = 30.0
@@ -150,6 +156,27 @@ def test_no_more_parts_are_under_way_than_a_pool_has_room_for() -> None:
     assert next(parts).index == 0
     assert next(parts).index == 2
     assert submitted == [0, 1, 2]
+
+
+def test_parts_that_had_finished_when_a_pool_broke_come_first() -> None:
+    def submit(index: int) -> Future:
+        future = Future()
+        if index == 0:
+            future.set_exception(BrokenExecutor())
+        else:
+            future.set_result(WorkOutcome(index))
+        return future
+
+    pool: Any = SimpleNamespace(ahead=2, submit=submit, require=lambda: None)
+    parts = _run_until_broken(pool, iter(range(2)), {}, Counter())
+    assert next(parts).index == 1
+    with pytest.raises(BrokenExecutor):
+        next(parts)
+
+
+@pytest.mark.parametrize(("parts", "kind"), [(1, InProcess), (2, Processes)])
+def test_several_parts_have_processes(parts: int, kind: type) -> None:
+    assert type(executor_for(parts)) is kind
 
 
 def diverge(index: int) -> None:
