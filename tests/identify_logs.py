@@ -36,6 +36,14 @@ def servo_log() -> Log:
     return read_log(LOGS / "servo.csv", to_identify().nominal.system, None)
 
 
+def short_arm_log(folder: Path) -> Path:
+    """The first two seconds of the log of the arm."""
+    path = folder / "arm.csv"
+    lines = (LOGS / "arm.csv").read_text(encoding="utf-8").splitlines()
+    path.write_text("\n".join(lines[:1001]) + "\n", encoding="utf-8")
+    return path
+
+
 def windows(log: Log) -> Predictor:
     """Predictions of 1 s each."""
     return Predictor.of(log, horizon=1.0, timestep=1e-3)

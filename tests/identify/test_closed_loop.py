@@ -9,7 +9,7 @@ import cases
 import numpy as np
 import pytest
 from commands import Patch, Screen, assert_one_line, run
-from identify_logs import LOGS, fit_of_arm
+from identify_logs import LOGS, fit_of_arm, short_arm_log
 
 from grosmc_mj import cli
 from grosmc_mj.experiments.experiment import Experiment
@@ -31,8 +31,11 @@ def test_an_identified_machine_runs_as_the_other_case_with_the_fitted_numbers(
 ) -> None:
     monkeypatch.setattr("grosmc_mj.identify.fit.fit", fit_of_arm)
     loop = cases.write(tmp_path, "arm", name="loop", **ARM)
-    log = LOGS / "arm.csv"
-    assert run("identify", log, "logs/arm", "--case", loop, "--out", tmp_path) == cli.DONE
+    log = short_arm_log(tmp_path)
+    assert (
+        run("identify", log, "logs/arm", "--case", loop, "--horizon", 0.4, "--out", tmp_path)
+        == cli.DONE
+    )
     machine = Experiment.load(tmp_path / "identify_logs_arm_arm.toml")
     fitted = {table.number: table.nominal for table in machine.file.uncertain}
     assert list(fitted) == ["edit.link.mass_scale", "edit.joint.damping"]

@@ -108,7 +108,7 @@ def test_the_log_of_a_run_is_predicted_exactly_by_its_plant(every: int) -> None:
 def test_a_machine_that_is_too_heavy_leaves_no_white_residual(
     sampling: float, tmp_path: Path
 ) -> None:
-    log = exact_log(LogModel(SERVO), sampling)
+    log = exact_log(LogModel(SERVO), sampling, seconds=2.0)
     experiment = Experiment.load(cases.write(tmp_path, "servo", uncertain=[MASS]))
     heavier = fit_of(parameters_of(experiment, ()), [1.1], scales={"rotor angle": 1e-3})
     parts = residuals(heavier, Predictor.of(log, 1.0, TIMESTEP), SERVO)
@@ -309,7 +309,7 @@ def test_a_residual_far_beyond_the_motion_is_a_divergence(size: float, diverges:
     assert row.diverges is diverges
 
 
-PUSHED = Disturbance("rotor", (0.0, 0.0, 0.0, 0.0, -2.0, 0.0), Pulse(2.02, 2.15))
+PUSHED = Disturbance("rotor", (0.0, 0.0, 0.0, 0.0, -2.0, 0.0), Pulse(1.0, 1.15))
 
 
 def noisy(log: Log) -> Log:
@@ -319,22 +319,22 @@ def noisy(log: Log) -> Log:
 
 def test_a_push_that_no_model_explains_is_named() -> None:
     """It lasts from one moment of 0.1 s into the next, which are one."""
-    log = noisy(exact_log(LogModel(SERVO, disturbances=(PUSHED,))))
+    log = noisy(exact_log(LogModel(SERVO, disturbances=(PUSHED,)), seconds=2.0))
     assert unexplained_moments([LogModel(SERVO)], log, 1.0, TIMESTEP) == [
-        "1.99 to 2.19 s: a push that no model explains"
+        "0.94 to 1.15 s: a push that no model explains"
     ]
 
 
 def test_a_push_that_a_model_explains_is_not_named() -> None:
     pushed = LogModel(SERVO, disturbances=(PUSHED,))
-    log = noisy(exact_log(pushed))
+    log = noisy(exact_log(pushed, seconds=2.0))
     assert unexplained_moments([LogModel(SERVO), pushed], log, 1.0, TIMESTEP) == []
 
 
 def fit_to_stray_samples(folder: Path, loss: str) -> Fit:
     """The fit to a log in which one sample of twenty is wrong by up to 0.1 rad."""
     path = cases.write(folder, "servo", uncertain=MASS, log={"loss": loss})
-    log = noisy(exact_log(LogModel(SERVO), seconds=2.0))
+    log = noisy(exact_log(LogModel(SERVO), seconds=1.0))
     random = np.random.default_rng(2)
     angle = log.states["rotor angle"].copy()
     stray = random.random(len(angle)) < 0.05

@@ -23,6 +23,7 @@ from identify_logs import (
     fit_of,
     fit_of_arm,
     servo_log,
+    short_arm_log,
     to_identify,
     windows,
 )
@@ -124,7 +125,7 @@ def test_a_batch_of_any_size_has_the_same_residuals(plant: Any, monkeypatch: Pat
 
 def test_a_search_that_ends_at_its_limit_of_steps_says_so(plant: Any, monkeypatch: Patch) -> None:
     monkeypatch.setattr("grosmc_mj.identify.residual.MOST_STEPS", 2)
-    ended = fit(parameters_of(to_identify(), ()), windows(servo_log().between(0, 0.25)), plant)
+    ended = fit(parameters_of(to_identify(), ()), windows(servo_log().between(0, 0.1)), plant)
     assert ended.doubts[0].startswith("the search ended after")
 
 
@@ -434,9 +435,10 @@ def test_a_full_disk_loses_no_fit(tmp_path: Path, capsys: Screen, monkeypatch: P
     def full(*_: Any) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
+    log = short_arm_log(tmp_path)
     monkeypatch.setattr(Path, "replace", full)
     monkeypatch.setattr("grosmc_mj.identify.fit.fit", fit_of_arm)
-    assert run("identify", ARM_LOG, "logs/arm", "--out", tmp_path) == cli.WRONG
+    assert run("identify", log, "logs/arm", "--horizon", 0.4, "--out", tmp_path) == cli.WRONG
     printed = capsys.readouterr()
     assert "2 of 2 parameters fitted" in printed.out
     assert "No space left on device" in printed.err
