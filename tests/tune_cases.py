@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
+
+import cases
 
 PLANTS = '''
 import sympy as sp
@@ -39,74 +43,36 @@ def pi(t, x, memory, p):
     return p.kp * e + p.ki * memory.integral
 '''
 # A double integrator under PD, with at most 1.5 N.
-BLOCK = """
-[plant]
-plant = "plants:block"
-
-[run]
-duration = "6 s"
-control_period = "4 ms"
-timestep = "4 ms"
-
-[task]
-reference = ["1"]
-Q = [1, 1]
-R = 1
-
-[[actuator]]
-of = "force"
-limit = "1.5 N"
-
-[[controller]]
-name = "mine"
-law = "plants:pd"
-frequency = 0.4
-damping = 0.3
-
-[[requirement]]
-settles_within = "{settles}"
-overshoot_below = {overshoot}
-"""
+BLOCK: Mapping[str, Any] = {
+    "run": {"duration": "6 s", "control_period": "4 ms", "timestep": "4 ms"},
+    "task": {"reference": ["1"], "Q": [1, 1], "R": 1},
+    "actuator": {"of": "force", "limit": "1.5 N"},
+    "controller": {"name": "mine", "law": "plants:pd", "frequency": 0.4, "damping": 0.3},
+    "requirement": {"settles_within": "3 s", "overshoot_below": 0.02},
+}
 # A first-order lag with a delay under PI.
-LAG = """
-[plant]
-plant = "plants:lag"
-
-[run]
-duration = "6 s"
-control_period = "10 ms"
-timestep = "10 ms"
-
-[computing]
-delay = "0.3 s"
-
-[task]
-reference = ["1"]
-Q = [1]
-R = 1
-
-[[controller]]
-name = "mine"
-law = "plants:pi"
-kp = 0.3
-ki = 0.1
-memory = { integral = 0 }
-
-[[requirement]]
-settles_within = "2 s"
-overshoot_below = 0.05
-input_below = "2.5 m"
-"""
+LAG: Mapping[str, Any] = {
+    "run": {"duration": "6 s", "control_period": "10 ms", "timestep": "10 ms"},
+    "computing": {"delay": "0.3 s"},
+    "task": {"reference": ["1"], "Q": [1], "R": 1},
+    "controller": {
+        "name": "mine",
+        "law": "plants:pi",
+        "kp": 0.3,
+        "ki": 0.1,
+        "memory": {"integral": 0},
+    },
+    "requirement": {"settles_within": "2 s", "overshoot_below": 0.05, "input_below": "2.5 m"},
+}
 
 
-def write_case(folder: Path, text: str, **numbers: object) -> Path:
-    """Write a case with its plants beside it, and return its path."""
+def write_block(folder: Path, **tables: Any) -> Path:
+    """Write the case of the block with its plants beside it, and return its path."""
     (folder / "plants.py").write_text(PLANTS, encoding="utf-8")
-    path = folder / "mine.toml"
-    path.write_text(text.format(**numbers) if numbers else text, encoding="utf-8")
-    return path
+    return cases.write(folder, "plants:block", **(dict(BLOCK) | tables))
 
 
-def write_block(folder: Path, settles: str = "3 s", overshoot: float = 0.02) -> Path:
-    """Write the case of the block, and return its path."""
-    return write_case(folder, BLOCK, settles=settles, overshoot=overshoot)
+def write_lag(folder: Path, **tables: Any) -> Path:
+    """Write the case of the lag with its plants beside it, and return its path."""
+    (folder / "plants.py").write_text(PLANTS, encoding="utf-8")
+    return cases.write(folder, "plants:lag", **(dict(LAG) | tables))

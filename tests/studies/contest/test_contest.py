@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from commands import run
-from tune_cases import write_block
+from tune_cases import BLOCK, PLANTS, write_block
 
 from grosmc_mj import Experiment
 from grosmc_mj.ground.errors import ArgumentError
@@ -16,7 +17,7 @@ from grosmc_mj.studies.contest.answer import contest_result, contest_table
 from grosmc_mj.studies.contest.contest import ContestStudy, contest_study
 from grosmc_mj.studies.contest.row import ContestLaw, Entry, simplest
 from grosmc_mj.studies.study import CellRunner
-from grosmc_mj.studies.tune.row import AS_IN_FILE, TUNED
+from grosmc_mj.studies.tune.row import AS_IN_FILE, TUNED, TunedNumberRow
 from grosmc_mj.studies.tune.tune import HELD_OUT
 
 # Beside a PD of two numbers: one that has its damping, and one that has hardly any.
@@ -31,26 +32,23 @@ def swinging(t, x, memory, p):
     """PD of the block with hardly any damping."""
     return p.frequency**2 * (1.0 - x[0]) - 0.02 * p.frequency * x[1]
 '''
-CONTROLLERS = """
-[[controller]]
-name = "critical"
-law = "plants:critical"
-frequency = 0.4
-
-[[controller]]
-name = "swinging"
-law = "plants:swinging"
-frequency = 0.4
-"""
+CONTROLLERS = [
+    BLOCK["controller"],
+    {"name": "critical", "law": "plants:critical", "frequency": 0.4},
+    {"name": "swinging", "law": "plants:swinging", "frequency": 0.4},
+]
 
 
-def write_contest(folder: Path) -> Path:
+def write_contest(folder: Path, **tables: Any) -> Path:
     """Write the block with three laws, and return the path of its case."""
-    path = write_block(folder)
-    plants = folder / "plants.py"
-    plants.write_text(plants.read_text(encoding="utf-8") + RIVALS, encoding="utf-8")
-    path.write_text(path.read_text(encoding="utf-8") + CONTROLLERS, encoding="utf-8")
+    path = write_block(folder, **({"controller": CONTROLLERS} | tables))
+    (folder / "plants.py").write_text(PLANTS + RIVALS, encoding="utf-8")
     return path
+
+
+def uncertain(low: float, high: float) -> dict[str, Any]:
+    """Return the table of a mass that is uncertain by a factor."""
+    return {"number": "edit.m.scale", "values": [low, high]}
 
 
 def contested(study: ContestStudy, folder: Path, *, resume: bool = False) -> list[ContestLaw]:
@@ -132,39 +130,32 @@ def test_the_law_that_keeps_most_draws_is_named_beside_the_nearest(
     assert answer.more.endswith("; most draws: mine, 1 of 2.")
 
 
-def test_few_numbers_come_before_a_small_share():
-    def law(name: str, numbers: int, share: float) -> ContestLaw:
-        verdict = {"law": name, "share": share}
-        number = {
-            "path": "k",
-            "unit": "",
-            "before": 1.0,
-            "after": 1.0,
-            "low": 0.1,
-            "high": 10.0,
-            "grown": False,
-            "at_end": False,
-            "logarithmic": True,
-        }
-        return ContestLaw.model_validate(
-            {
-                "law": name,
-                "numbers": [number] * numbers,
-                "entries": [Entry.model_validate({"step": TUNED, "verdicts": [verdict]})],
-            }
-        )
+def standing(name: str, numbers: int, share: float) -> ContestLaw:
+    """Return the row of a law with so many tuned numbers, at this share of its limits."""
+    number = TunedNumberRow(
+        path="k",
+        unit="",
+        before=1.0,
+        after=1.0,
+        low=0.1,
+        high=10.0,
+        grown=False,
+        at_end=False,
+        logarithmic=True,
+    )
+    entry = Entry(step=TUNED, verdicts=[Verdict(law=name, share=share)])
+    return ContestLaw(law=name, numbers=[number] * numbers, entries=[entry])
 
-    rows = [law("two", 2, 0.2), law("one", 1, 0.9), law("near", 1, 0.8), law("failing", 0, 1.1)]
-    winner = simplest(rows)
-    assert winner is not None
-    assert winner.law == "near"
-    assert simplest(rows[3:]) is None
+
+def test_few_numbers_come_before_a_small_share():
+    failing = standing("failing", 0, 1.1)
+    keeping = [standing("two", 2, 0.2), standing("one", 1, 0.9), standing("near", 1, 0.8)]
+    assert simplest([*keeping, failing]) is keeping[2]
+    assert simplest([failing]) is None
 
 
 def test_plants_have_a_column_and_none_has_been_seen(tmp_path: Path):
-    path = write_contest(tmp_path)
-    uncertain = '\n[[uncertain]]\nnumber = "edit.m.scale"\nvalues = [0.8, 1.25]\n'
-    path.write_text(path.read_text(encoding="utf-8") + uncertain, encoding="utf-8")
+    path = write_contest(tmp_path, uncertain=uncertain(0.8, 1.25))
     study = contest_study(str(path), ["critical"], runs=30, plants=2, held_out=6)
     rows = contested(study, tmp_path / "pieces")
     tuned = rows[0].tuned
@@ -182,9 +173,7 @@ def test_plants_have_a_column_and_none_has_been_seen(tmp_path: Path):
 
 def test_six_of_six_plants_are_half_of_all_at_least(tmp_path: Path):
     """The interval of Clopper and Pearson is exact: 0.025^(1/6) = 0.54."""
-    path = write_contest(tmp_path)
-    certain = '\n[[uncertain]]\nnumber = "edit.m.scale"\nvalues = [1.0, 1.01]\n'
-    path.write_text(path.read_text(encoding="utf-8") + certain, encoding="utf-8")
+    path = write_contest(tmp_path, uncertain=uncertain(1.0, 1.01))
     study = contest_study(str(path), ["critical"], runs=30, plants=1, held_out=6)
     table = contest_table(study, contested(study, tmp_path / "pieces"))
     place = [column.header for column in table.columns].index("plants kept")
@@ -193,9 +182,8 @@ def test_six_of_six_plants_are_half_of_all_at_least(tmp_path: Path):
 
 def test_the_worst_disturbance_is_searched_with_both_kinds_of_numbers(tmp_path: Path):
     """A stiffer PD gives way less."""
-    path = write_contest(tmp_path)
-    held = '\n[[requirement]]\nstays_within = "0.1 m"\nafter = "5 s"\n'
-    path.write_text(path.read_text(encoding="utf-8") + held, encoding="utf-8")
+    held = {"stays_within": "0.1 m", "after": "5 s"}
+    path = write_contest(tmp_path, requirement=[BLOCK["requirement"], held])
     study = contest_study(str(path), ["critical"], runs=30, on="force", bound="0.05 N")
     (row,) = contested(study, tmp_path / "pieces")
     in_file, tuned = row.entries
@@ -232,9 +220,8 @@ def test_a_law_that_cannot_be_tuned_is_named_and_the_others_contend(tmp_path: Pa
 
 
 def test_a_law_with_other_numbers_contends_once(tmp_path: Path):
-    path = write_contest(tmp_path)
-    again = '\n[[controller]]\nname = "quick"\nlaw = "plants:critical"\nfrequency = 3.0\n'
-    path.write_text(path.read_text(encoding="utf-8") + again, encoding="utf-8")
+    again = {"name": "quick", "law": "plants:critical", "frequency": 3.0}
+    path = write_contest(tmp_path, controller=[*CONTROLLERS, again])
     study = contest_study(str(path))
     assert [law.name for law in study.tuning.laws] == ["mine", "critical", "swinging"]
     assert study.left_out == {"quick": "critical with other numbers"}
@@ -276,10 +263,6 @@ def test_what_does_not_fit_is_refused(tmp_path: Path, options: dict[str, object]
 
 
 def test_a_case_without_requirements_is_refused(tmp_path: Path):
-    path = write_contest(tmp_path)
-    text = path.read_text(encoding="utf-8")
-    before, _, rest = text.partition("[[requirement]]")
-    _, _, controllers = rest.partition("[[controller]]")
-    path.write_text(f"{before}[[controller]]{controllers}", encoding="utf-8")
+    path = write_contest(tmp_path, requirement=[])
     with pytest.raises(ArgumentError, match="nothing is required"):
         contest_study(str(path))

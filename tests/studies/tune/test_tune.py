@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import pytest
 from commands import Screen, run
-from tune_cases import LAG, write_block, write_case
+from tune_cases import BLOCK, write_block, write_lag
 
 from grosmc_mj import Experiment
 from grosmc_mj.experiments.file.paths import place_of
@@ -29,6 +29,8 @@ from grosmc_mj.studies.tune.shares import Measure, TriedDesign
 from grosmc_mj.studies.tune.tune import TuneStudy, tune_study
 
 BLOCK_NUMBERS = ("laws.mine.frequency=0.2..20", "laws.mine.damping=0.2..2")
+# Bang-bang takes longer.
+IMPOSSIBLE = {"settles_within": "0.9 s", "overshoot_below": 0.02}
 LAG_NUMBERS = ("laws.mine.kp=0.1..10", "laws.mine.ki=0.05..10")
 
 
@@ -56,7 +58,7 @@ def gridded(study: TuneStudy, count: int) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("plant", ["block", "lag"])
 def test_the_best_of_a_dense_grid_is_found(tmp_path: Path, plant: str, seed: int):
-    path = write_block(tmp_path) if plant == "block" else write_case(tmp_path, LAG)
+    path = write_block(tmp_path) if plant == "block" else write_lag(tmp_path)
     numbers = BLOCK_NUMBERS if plant == "block" else LAG_NUMBERS
     study = tune_study(str(path), ["mine"], numbers, conditions=["nominal"], runs=300, seed=seed)
     _, shares = gridded(study, 31)
@@ -78,7 +80,7 @@ def test_the_block_settles_no_sooner_than_bang_bang(tmp_path: Path):
 
 
 def test_what_no_numbers_keep_is_not_found(tmp_path: Path):
-    path = write_block(tmp_path, settles="0.9 s")
+    path = write_block(tmp_path, requirement=IMPOSSIBLE)
     study = tune_study(str(path), ["mine"], BLOCK_NUMBERS, runs=30)
     row = tuned(study, tmp_path / "pieces")
     assert not row.found
@@ -92,11 +94,12 @@ def test_what_no_numbers_keep_is_not_found(tmp_path: Path):
 
 def drawn_lag(folder: Path, draws: int = 3, **options: object) -> TuneStudy:
     """The lag with late samples and an encoder, so that draws differ."""
-    encoder = '[[sensor]]\nof = "y"\nresolution = "10 mm"\n'
-    text = LAG.replace('delay = "0.3 s"', f'delay = "0.3 s"\nmissed = 0.2\n\n{encoder}')
-    study = tune_study(
-        str(write_case(folder, text)), ["mine"], LAG_NUMBERS, runs=90, draws=draws, held_out=4
+    path = write_lag(
+        folder,
+        computing={"delay": "0.3 s", "missed": 0.2},
+        sensor={"of": "y", "resolution": "10 mm"},
     )
+    study = tune_study(str(path), ["mine"], LAG_NUMBERS, runs=90, draws=draws, held_out=4)
     return replace(study, target_share=1e-3, **options)
 
 
@@ -152,7 +155,7 @@ def test_a_resumed_search_is_the_same_to_the_bit(tmp_path: Path):
 
 def test_a_longer_search_goes_on_from_a_shorter_one(tmp_path: Path):
     """Its populations ask the same, as far as the shorter one has asked."""
-    path = str(write_block(tmp_path, settles="0.9 s"))
+    path = str(write_block(tmp_path, requirement=IMPOSSIBLE))
     short = tune_study(path, ["mine"], runs=30)
     tuned(short, tmp_path / "pieces")
     before = set((tmp_path / "pieces").iterdir())
@@ -195,8 +198,8 @@ def test_the_share_of_the_first_design_is_that_of_the_law_in_the_file(tmp_path: 
 
 
 def test_a_limit_that_cannot_fail_has_no_part_in_the_measure(tmp_path: Path):
-    text = write_block(tmp_path).read_text() + 'input_below = "1.5 N"\n'
-    path = write_case(tmp_path, text)
+    asked = {**BLOCK["requirement"], "input_below": "1.5 N"}
+    path = write_block(tmp_path, requirement=asked)
     study = tune_study(str(path), ["mine"], BLOCK_NUMBERS, runs=12)
     measure = Measure(study.laws[0], list(study.conditions))
     assert measure.unfailing == {"nominal": {"input_below"}}
@@ -360,7 +363,7 @@ def test_the_command_writes_a_case_that_passes(tmp_path: Path, capsys: Screen):
 
 
 def test_the_command_says_how_near_the_nearest_came(tmp_path: Path, capsys: Screen):
-    path = write_block(tmp_path, settles="0.9 s")
+    path = write_block(tmp_path, requirement=IMPOSSIBLE)
     assert run("tune", path, "--law", "mine", "--runs", 40, "--no-figures", "--out", tmp_path) == 1
     printed = capsys.readouterr().out
     (law,) = json.loads((tmp_path / "tune_mine.json").read_text())["laws"]
@@ -407,8 +410,7 @@ def test_wrong_options_are_refused_in_a_line(
 
 
 def test_requirements_that_no_run_can_judge_are_refused(tmp_path: Path):
-    text = write_block(tmp_path).read_text().replace("overshoot_below = 0.02\n", "")
-    path = write_case(tmp_path, text.replace('"3 s"', '"5.9 s"'))
+    path = write_block(tmp_path, requirement={"settles_within": "5.9 s"})
     with pytest.raises(ArgumentError, match=r"no requirement of .* can be judged by a run under"):
         tune_study(str(path), ["mine"], BLOCK_NUMBERS, runs=12)
 
