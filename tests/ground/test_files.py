@@ -9,7 +9,14 @@ import pytest
 from commands import Patch
 
 from grosmc_mj.ground.errors import ArgumentError, SetupError
-from grosmc_mj.ground.files import LARGEST_TEXT, atomic_write, private_cache, require_regular
+from grosmc_mj.ground.files import (
+    LARGEST_TEXT,
+    atomic_write,
+    name_in_files,
+    private_cache,
+    require_folder,
+    require_regular,
+)
 
 # The number of no user.
 NOBODY = 4_000_000_000
@@ -115,6 +122,15 @@ def test_a_pipe_is_not_replaced(tmp_path: Path) -> None:
         pass
     assert pipe.is_fifo()
     assert list(tmp_path.iterdir()) == [pipe]
+
+
+def test_a_folder_below_a_file_is_refused_before_it_is_made(elsewhere: Path) -> None:
+    with pytest.raises(SetupError, match="elsewhere is a file, and a folder is needed"):
+        require_folder(elsewhere / "results" / "runs")
+
+
+def test_a_name_in_files_keeps_letters_digits_and_the_signs_of_numbers() -> None:
+    assert name_in_files("fl-pid, quick/0.5+é") == "fl-pid_quick_0.5+é"
 
 
 # The cache.

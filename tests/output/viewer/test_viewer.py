@@ -202,6 +202,7 @@ def test_an_undefined_law_is_named_and_the_last_state_stays(
     window = watch(falling, 60, speed=8.0)
     assert "the law is undefined" in window.texts[-1]["stopped"]
     assert window.states[-1][0] < 4.9
+    assert window.texts[-1]["time"] == f"{window.states[-1][0]:.2f} s"
     assert np.all(np.isfinite(window.states))
     np.testing.assert_array_equal(window.states[-1], window.states[-2])
 

@@ -303,7 +303,7 @@ def test_lyapunov_function_falls_as_s_K_D_s(design: str, wrong: dict[str, float]
     assert linear is not None
     m = len(plant.system.inputs)
     p = law.parameters
-    adapted = run(design, law, 0.4, plant, timestep=period, disturbances=[LOADS[design]])
+    adapted = run(design, law, 0.25, plant, timestep=period, disturbances=[LOADS[design]])
 
     # The body's torque is one on every joint before it; T_d of the servo is in amperes.
     theta = np.array(linear.nominal(plant.parameters))
