@@ -33,6 +33,7 @@ from grosmc_mj.chapter.claims.claim import (
 )
 from grosmc_mj.chapter.claims.judging import judge, verdict_differences
 from grosmc_mj.chapter.claims.ledger import CLAIMS, ClaimMeasurement, select_claims
+from grosmc_mj.chapter.claims.measurements import measures
 from grosmc_mj.chapter.claims.measurements.arm import tracking
 from grosmc_mj.chapter.claims.measurements.theory import optimum_of_rate
 from grosmc_mj.chapter.claims.results import claims_result, counts_words, sweeps_result
@@ -472,6 +473,28 @@ def test_a_premise_explains_a_verdict_over_choices(chosen: Chosen) -> None:
     result = judged(chosen.claim(premise=lambda _: "too small"))
     assert result.verdict is (PREMISE_NOT_MET if chosen.verdict is REFUTED else chosen.verdict)
     assert result.because == ("" if chosen.verdict is SUPPORTED else "too small")
+
+
+def test_a_choice_that_is_printed_is_none_that_an_answer_turns_on() -> None:
+    claim = CHOICES[0].claim()
+    printed = replace(claim, choices=(replace(claim.choices[0], printed=True),))
+    stub: Any = Level()
+    (swept,) = sweep(stub, [printed])
+    assert swept["flips"]
+    assert sweeps_result([swept], LAB.settings).answers[0].words.startswith("0 of 1")
+
+
+def test_lqr_on_the_plant_that_it_is_designed_for_has_no_excess_cost() -> None:
+    """But for the sampling: J over J*, less 1, in percent."""
+    excess = measures.excess_cost(
+        LAB, "physics", system="servo", case="nominal", name="cost_continuous", controller="lqr"
+    )
+    assert excess.value == pytest.approx(0, abs=0.1)
+
+
+@pytest.mark.parametrize(("sense", "words"), [("at most", "≤ 2 rad"), ("at least", "≥ 2 rad")])
+def test_a_criterion_is_a_relation_to_the_threshold_in_its_unit(sense: str, words: str) -> None:
+    assert story.criterion_text(invented([], sense=sense, unit="rad")) == words
 
 
 @over_choices

@@ -92,6 +92,8 @@ def arrays_and_loops(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
     b, a = a, b
     mean = total / 4 if k > 0 else total
     u[0] = max(-p.most, min(mean, p.most)) + np.sign(a) * math.exp(-abs(b)) + 0.1 * j
+    # A quotient of whole numbers is none.
+    u[0] += j / 4
 
 
 def constant_law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
