@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -53,9 +54,13 @@ each_law = pytest.mark.parametrize(("target", "name"), LAWS)
 each_switching = pytest.mark.parametrize("switching", SWITCHINGS)
 
 
+# Laws are designed when a case is loaded.
+load = cache(Experiment.load)
+
+
 def law_of(target: str, name: str, real: str = "double", **settings: Any) -> LawInC:
     """Export of a law of a case."""
-    experiment = Experiment.load(target)
+    experiment = load(target)
     if settings:
         experiment = experiment.changed(**settings)
     return _export(experiment, experiment.law(experiment.nominal.truest, name), real)
@@ -63,7 +68,7 @@ def law_of(target: str, name: str, real: str = "double", **settings: Any) -> Law
 
 def of_ones_own(law: Callable[..., Any]) -> LawInC:
     """Export of a Python function for the servo, with numbers and a memory for all of them."""
-    experiment = Experiment.load("servo/case1")
+    experiment = load("servo/case1")
     like = experiment.law("physics", "lqr")
     memory = {"past": np.zeros(4), "other": np.zeros(4), "k": 0, "results": np.zeros(16)}
     numbers = {"most": 1.5, "gains": np.ones(2)}
@@ -96,7 +101,7 @@ def compiled(
 
 def states_about_start(target: str = "servo/case1") -> Array:
     """States about the start of a case, (200, n)."""
-    x0 = np.array(Experiment.load(target).x0)
+    x0 = np.array(load(target).x0)
     return x0 + 0.3 * np.random.default_rng(1).normal(size=(200, len(x0)))
 
 

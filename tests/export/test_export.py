@@ -18,12 +18,12 @@ from exported import (
     each_law,
     each_switching,
     law_of,
+    load,
     needs_compiler,
     states_about_start,
 )
 
 import grosmc_mj
-from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.export.compiler import FLAGS, CompiledLaw, compile_law, write_law
 from grosmc_mj.export.law import UNDEFINED_INPUT, UNDEFINED_LAW, LawInC
 from grosmc_mj.export.proof import Proof, prove
@@ -146,7 +146,7 @@ def test_a_step_tells_whether_law_and_input_are_defined(
 
 
 def short_proof(law: LawInC, target: str, folder: Path, plants: int = 0) -> Proof:
-    experiment = Experiment.load(target).changed(duration=0.1)
+    experiment = load(target).changed(duration=0.1)
     return prove(experiment, law, compiled(law, folder), plants)
 
 

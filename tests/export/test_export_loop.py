@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from exported import compiled, complaints_of_sanitizers, needs_compiler
+from exported import compiled, complaints_of_sanitizers, load, needs_compiler
 
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.export.law import LawInC
@@ -49,7 +49,7 @@ LOOPS = {
 
 def law_in(name: str, *, predict: bool, law: str = "grosmc") -> tuple[Experiment, LawInC]:
     """The law in a loop on the servo, for a run of 0.1 s, with its experiment."""
-    experiment = Experiment.load("servo/case1").changed(duration=0.1)
+    experiment = load("servo/case1").changed(duration=0.1)
     experiment = replace(experiment.changed(control_period=2e-3), loop=LOOPS[name])
     controller = experiment.law("physics", law)
     loop = experiment.loop_around(controller, LOOPS[name], predict=predict)
@@ -88,7 +88,7 @@ def test_software_in_c_is_the_python_one_to_the_last_bit(
 @pytest.mark.slow
 @pytest.mark.parametrize("law", ["sign", "implicit, predicted"])
 def test_software_of_two_inputs_is_the_python_one(law: str, tmp_path: Path) -> None:
-    experiment = Experiment.load("two_link_arm/bench").changed(duration=0.3)
+    experiment = load("two_link_arm/bench").changed(duration=0.3)
     loop = experiment.applied_loop("physics", law)
     assert loop is not None
     in_c = LawInC(loop.controller, "law_in_c", experiment.nominal.system, loop.period, loop=loop)

@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from exported import COMPILER, compiled, law_of, needs_compiler, of_ones_own
+from exported import COMPILER, compiled, law_of, load, needs_compiler, of_ones_own
 
-from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.export.changed_digit import changed_sources, compile_changed
 from grosmc_mj.export.compiler import CompiledLaw
 from grosmc_mj.export.law import UNDEFINED_INPUT, UNDEFINED_LAW, LawInC
@@ -94,7 +93,7 @@ def right(law: LawInC, tmp_path_factory: pytest.TempPathFactory) -> CompiledLaw:
 @needs_compiler
 @pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS)
 def test_a_fault_is_noticed_at_random_states(fault: Any, law: LawInC, right: CompiledLaw) -> None:
-    runs = random_runs(Experiment.load(CASE).x0, 200)
+    runs = random_runs(load(CASE).x0, 200)
     assert compare_at_samples(law, right, runs).different == 0
     assert compare_at_samples(law, Faulty(right, **fault), runs).different > 0
 
@@ -105,7 +104,7 @@ def test_a_fault_is_noticed_in_a_run(
     name: str, law: LawInC, right: CompiledLaw, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("grosmc_mj.export.proof._prove_at_random_states", lambda *_: None)
-    experiment = Experiment.load(CASE).changed(duration=0.02)
+    experiment = load(CASE).changed(duration=0.02)
     assert prove(experiment, law, right, plants=0).equal
     assert not prove(experiment, law, Faulty(right, **FAULTS[name]), plants=0).equal
 
@@ -118,7 +117,7 @@ def test_the_largest_difference_of_an_input_has_its_time_and_plant(
         u[0] -= 0.5 * (t == 5 * CONTROL_PERIOD)
         return answer
 
-    experiment = Experiment.load(CASE).changed(duration=6.5e-3)
+    experiment = load(CASE).changed(duration=6.5e-3)
     proof = prove(experiment, law, Faulty(right, stepped=half_a_newton_at_5_ms), plants=0)
     plant = next(iter(experiment.plant_names))
     assert proof.largest is not None
@@ -137,7 +136,7 @@ def test_numbers_are_equal_in_all_bits_but_those_of_nan(a: float, b: float, uneq
 
 @needs_compiler
 def test_a_changed_digit_is_noticed(law: LawInC, right: CompiledLaw, tmp_path: Path) -> None:
-    experiment = Experiment.load(CASE).changed(duration=0.02)
+    experiment = load(CASE).changed(duration=0.02)
     changed = next(compile_changed(law, tmp_path, COMPILER))
     # A number on which no input depends, such as an index of a robot, is not the last one.
     assert not prove(experiment, law, right, 0, changed=[right, changed]).blind
