@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -238,15 +237,6 @@ def test_other_sources_are_named(tmp_path: Path) -> None:
     assert "machine: here -> there" in sources
     assert "versions.mujoco: 3.17.0 -> 3.18.0" in sources
     assert any("configuration.engine" in line for line in sources)
-
-
-def test_of_several_results_of_a_kind_the_oldest_names_the_source(tmp_path: Path) -> None:
-    old = written(tmp_path / "old", run_document())
-    new = tmp_path / "new"
-    for age, machine in ((1, "second"), (2, "first"), (0, "third")):
-        path = write_document(new / f"{machine}.json", run_document(machine=machine))
-        os.utime(path, (1e9 - age, 1e9 - age))
-    assert "machine: here -> first" in compare(old, new).sources
 
 
 @pytest.mark.parametrize("names", [("x: a", "x: a"), ("s/v1 lqr: a", "s/v2 lqr: a")])
