@@ -663,7 +663,7 @@ def unruly(folder: Path, law: str, limit: str = "5 rad") -> Path:
     return cases.write(
         folder,
         name="unruly",
-        run={"duration": "0.1 s", "start": start, "engine": "python"},
+        run={"duration": "20 ms", "start": start, "engine": "python"},
         controller={"law": "mine:law"},
         requirement={"stays_within": limit},
     )

@@ -190,6 +190,7 @@ def test_the_margins_of_the_servo_with_lqr_and_20_ms() -> None:
     assert close(margins.disk, disk)
 
 
+@pytest.mark.slow
 def test_the_margins_of_the_pendulum_with_lqr_and_2_ms() -> None:
     loop = bench("cart_pendulum", "lqr", 0.002)
     margins = measure(loop, LoopPlace("force"), multisine(10, T), 1e-3, realizations=2).margins
@@ -423,7 +424,7 @@ def test_a_slow_loop_gets_a_longer_period() -> None:
     assert not doubt
 
 
-@pytest.mark.parametrize(("rms", "agrees"), [(0.05, True), (0.6, False), (1.5, False)])
+@pytest.mark.parametrize(("rms", "agrees"), [(0.05, True), (0.6, False)])
 def test_an_amplitude_whose_half_gives_another_margin_is_not_trusted(
     rms: float, agrees: bool
 ) -> None:
