@@ -127,8 +127,10 @@ class Proof:
             return f"equal to the last bit in {samples}, {runs}"
         different = counted_of(self.different, self.samples, "sample", "differs", "differ")
         text = f"{different}, {runs}"
-        if self.largest is not None:
-            largest = self.largest
+        largest = self.largest
+        if largest is not None and not largest.value:
+            text += "; all inputs are equal"
+        elif largest is not None:
             text += (
                 f"; the input by at most {largest.value:.3g}{unit_after(largest.unit)}, at "
                 f"{largest.time:g} s on {largest.place}"

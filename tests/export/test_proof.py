@@ -6,12 +6,14 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from exported import COMPILER, compiled, law_of, load, needs_compiler, of_ones_own
 
+from grosmc_mj.export.answer import delay_table, export_result
 from grosmc_mj.export.changed_digit import changed_sources, compile_changed
 from grosmc_mj.export.compiler import CompiledLaw
 from grosmc_mj.export.law import UNDEFINED_INPUT, UNDEFINED_LAW, LawInC
@@ -96,6 +98,47 @@ def test_a_fault_is_noticed_at_random_states(fault: Any, law: LawInC, right: Com
     runs = random_runs(load(CASE).x0, 200)
     assert compare_at_samples(law, right, runs).different == 0
     assert compare_at_samples(law, Faulty(right, **fault), runs).different > 0
+
+
+@needs_compiler
+def test_samples_that_one_law_alone_makes_differ(
+    law: LawInC, right: CompiledLaw, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_number_from_10_ms(t: float, memory: Array, u: Array, answer: int) -> int:
+        if t > 9.5e-3:
+            u[0] = np.nan
+        return answer
+
+    monkeypatch.setattr("grosmc_mj.export.proof._prove_at_random_states", lambda *_: None)
+    experiment = load(CASE).changed(duration=0.02)
+    proof = prove(experiment, law, Faulty(right, stepped=no_number_from_10_ms), plants=0)
+    assert proof.samples == 20 * proof.runs
+    assert proof.different >= 9 * proof.runs
+    assert "C ends its run at 0.01 s" in proof.words
+
+
+@needs_compiler
+def test_a_difference_in_the_memory_alone_is_said_to_change_no_input(
+    law: LawInC, right: CompiledLaw
+) -> None:
+    experiment = load(CASE).changed(duration=0.02)
+    proof = prove(experiment, law, Faulty(right, stepped=of_memory), plants=0)
+    assert proof.words.endswith("; all inputs are equal")
+
+
+@pytest.mark.parametrize(("real", "size"), [("float", 4), ("double", 8)])
+def test_a_result_has_the_size_of_the_memory_in_bytes(real: str, size: int) -> None:
+    """A disturbance observer of the cart's four errors remembers five numbers or more."""
+    law = law_of(CASE, "adrc", real)
+    places = len(law.memory.places)
+    assert places >= 5
+    result: Any = export_result(load(CASE), law, None)
+    assert result.memory_bytes == size * places
+
+
+def test_a_computing_time_is_told_in_ms() -> None:
+    on: Any = SimpleNamespace(delayed=[], delay=0.0025)
+    assert delay_table(on).title == "With a computing time of 2.5 ms"
 
 
 @needs_compiler
