@@ -127,6 +127,8 @@ def _weighted(predictor: Predictor, states: Sequence[Array], model: LogModel) ->
     """The errors of each window in deviations of the sensors, state by state, (K,)."""
     log = predictor.log
     errors = predictor.errors(states, model)
+    # A deviation takes the whole log, of which there may be many windows.
+    deviations = {name: log.deviation(name) for name in errors}
     by_window = []
     for k, window in enumerate(predictor.windows):
         parts = []
@@ -134,7 +136,7 @@ def _weighted(predictor: Predictor, states: Sequence[Array], model: LogModel) ->
             # A late sensor shows first what was before the window.
             age = log.time[window.samples] - window.start
             is_shown = age >= model.sensor(name).delay
-            parts.append(np.where(is_shown, of_state[k], 0.0) / log.deviation(name))
+            parts.append(np.where(is_shown, of_state[k], 0.0) / deviations[name])
         by_window.append(np.concatenate(parts))
     return by_window
 

@@ -80,7 +80,7 @@ def share_white(samples: int, windows: int, phi: float) -> float:
 
 
 # Windows of 1 s at 500 Hz, 50 Hz and 12 Hz.
-WINDOWS = [(500, 3), (50, 10), (12, 40)]
+WINDOWS = [(500, 3), (50, 6), (12, 25)]
 
 
 @pytest.mark.parametrize(("samples", "windows"), WINDOWS)
