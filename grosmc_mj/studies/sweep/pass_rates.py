@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from scipy import stats
 
+from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.output.results.tables import Table, names, number, numbers, phrases, table
 from grosmc_mj.studies.sweep.margin_summary import MarginSummary
 from grosmc_mj.studies.sweep.sampled import SampledRuns
@@ -118,7 +119,9 @@ def pass_rates_table(
         margin = "-"
         summary = summaries.get((requirement, law))
         if summary is not None:
-            margin = f"{number(summary.least)} {units[requirement]}".rstrip()
+            margin = f"{number(summary.least)}{unit_after(units[requirement])}"
+            if summary.least == -math.inf:
+                margin = "ended early"
         kept = f"{rate.kept} of {rate.runs}"
         interval = rate.interval("..") or "-"
         rows.append((requirement, law, kept, rate.percent, interval, margin))

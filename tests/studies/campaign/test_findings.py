@@ -247,6 +247,19 @@ def summaries_of_long_names() -> Any:
     }
 
 
+@pytest.mark.parametrize(
+    ("margin", "unit", "words"),
+    [(0.1, "1", "0.1"), (0.1, "s", "0.1 s"), (-INF, "s", "ended early")],
+)
+def test_a_least_margin_has_its_unit_or_says_that_a_run_ended_early(
+    margin: float, unit: str, words: str
+) -> None:
+    rates = {(SETTLES, "lqr"): pass_rate(1, 2)}
+    summaries = {(SETTLES, "lqr"): margin_summary(np.array([margin, 0.2]))}
+    (row,) = pass_rates_table(rates, summaries, {SETTLES: unit}, SAMPLED).rows
+    assert row[-1] == words
+
+
 def margins_of_long_names() -> Any:
     return margins_table(summaries_of_long_names(), UNITS, SAMPLED)
 
