@@ -110,17 +110,35 @@ def test_the_scale_of_huber_s_loss_is_the_deviation_of_all_but_the_stray_samples
     assert rescaled(residual, np.zeros(1))["angle"] == pytest.approx(3.0, rel=0.03)
 
 
-def test_a_batch_of_any_size_has_the_same_residuals(plant: Any, monkeypatch: Patch) -> None:
+@pytest.fixture(scope="module")
+def residual(plant: Any) -> Residual:
+    """The residual of mass, damping and delay along a part of a log."""
     parameters = parameters_of(to_identify(), ())
     predictor = windows(servo_log().between(0, 0.3))
     scales = {"rotor angle": coverage.NOISE}
-    free = np.ones(3, bool)
-    residual = residual_of(parameters, free, predictor, plant, scales, parameters.nominal)
-    x = residual.point(parameters.first)
+    return residual_of(parameters, np.ones(3, bool), predictor, plant, scales, parameters.nominal)
+
+
+def test_a_batch_of_any_size_has_the_same_residuals(residual: Residual, monkeypatch: Patch) -> None:
+    x = residual.point(residual.parameters.first)
     points = [x, 1.01 * x, 0.99 * x]
     at_once = residual.of(points)
     monkeypatch.setattr("grosmc_mj.identify.residual._MOST_ROWS", 1)
     assert np.array_equal(residual.of(points), at_once)
+
+
+def test_huber_s_loss_grows_by_twice_its_bound_beyond_it(residual: Residual) -> None:
+    """Its bound is 1.345 deviations of the noise, within which it is the square."""
+    x = residual.point(residual.parameters.first)
+    (errors,) = residual.of([x])
+    (rooted,) = replace(residual, huber=True).of([x])
+
+    within = np.minimum(np.abs(errors), 1.345)
+    beyond = np.abs(errors) - within
+    assert (beyond == 0).any()
+    assert beyond.max() > 1
+    assert rooted**2 == pytest.approx(within**2 + 2 * 1.345 * beyond)
+    assert np.array_equal(np.sign(rooted), np.sign(errors))
 
 
 def test_a_search_that_ends_at_its_limit_of_steps_says_so(plant: Any, monkeypatch: Patch) -> None:
