@@ -98,7 +98,7 @@ class Validation:
         """One sentence: whether the results are as recorded."""
         done = counted(len(self.results), "run")
         if not self.complete:
-            return f"Not complete: {done} {plural(len(self.results), 'is', 'are')} done."
+            return f"{done} {plural(len(self.results), 'is', 'are')} done, and not compared yet."
         if self.differences:
             count = len(self.differences)
             differ = plural(count, "differs", "differ")

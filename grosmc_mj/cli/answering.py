@@ -46,6 +46,11 @@ class Question:
         """Return the result of what is finished, or None if nothing is; ``complete`` if all is."""
         raise NotImplementedError
 
+    @property
+    def missing(self) -> Sequence[str]:
+        """Names of what is not finished, such as laws: the headline of a part names them."""
+        return ()
+
     def draw(self) -> Sequence[Path]:
         """Draw the figures and write other files beside the result; returns their paths."""
         return ()
@@ -115,5 +120,8 @@ class AnsweringCommand(Command):
 
     def _show(self, question: Question, *, complete: bool, among: bool) -> None:
         result = question.result(complete=complete)
-        if result is not None:
-            question.show(result, full=self.verbose, among=among)
+        if result is None:
+            return
+        if not complete:
+            result = result.unfinished(question.missing)
+        question.show(result, full=self.verbose, among=among)

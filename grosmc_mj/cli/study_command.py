@@ -112,6 +112,11 @@ class _StudyQuestion(Question):
             return None
         return self._command.result(self._study, self._rows, complete=complete)
 
+    @property
+    def missing(self) -> Sequence[str]:
+        """Names of the cells that are not finished."""
+        return self._study.missing(self._rows)
+
     def draw(self) -> Sequence[Path]:
         """Draw the figures, and write the case files."""
         command = self._command

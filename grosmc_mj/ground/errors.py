@@ -166,10 +166,7 @@ def unknown_name(kind: str, name: object, valid: Iterable[str]) -> str:
     line = f"unknown {kind} {value_text(name)}:"
 
     line += did_you_mean(name, names)
-    line += f" valid: {name_list(names[:_LISTED_NAMES])}"
-    if len(names) > _LISTED_NAMES:
-        line += f" and {len(names) - _LISTED_NAMES} more"
-    return line
+    return f"{line} valid: {first_names(names)}"
 
 
 def did_you_mean(name: object, valid: Iterable[str]) -> str:
@@ -186,6 +183,14 @@ def name_list(names: Iterable[str]) -> str:
     if any(" " in word or "," in word for word in words):
         words = [repr(word) for word in words]
     return ", ".join(words)
+
+
+def first_names(names: Sequence[str], most: int = _LISTED_NAMES) -> str:
+    """Join names by commas: the first ones, and how many more there are."""
+    line = name_list(names[:most])
+    if len(names) > most:
+        line += f" and {len(names) - most} more"
+    return line
 
 
 def value_text(value: Any, written: Callable[[Any], str] = repr) -> str:

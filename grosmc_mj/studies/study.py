@@ -154,6 +154,14 @@ class Study(ABC, Generic[AnyRow]):
         """Return the number of steps of the progress: a step for each cell."""
         return len(cells)
 
+    def missing(self, rows: Sequence[AnyRow]) -> list[str]:
+        """Return the names of the cells that are not finished, each once.
+
+        Args:
+            rows: The rows that are there, in the order of the cells.
+        """
+        return list(dict.fromkeys(cell.name for cell in self.cells()[len(rows) :]))
+
     def rows(
         self, cells: Sequence[StudyCell[AnyRow]], runner: CellRunner[AnyRow]
     ) -> Iterator[AnyRow]:

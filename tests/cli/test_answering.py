@@ -14,6 +14,9 @@ from grosmc_mj.cli.answering import AnsweringCommand, Question
 from grosmc_mj.cli.screen import AGAIN
 from grosmc_mj.ground.errors import SetupError
 from grosmc_mj.output.results.result import KEPT, MEASURED, NOT_KEPT, OPEN, Answer, Result, result
+from grosmc_mj.studies.margins.margins import Setup
+from grosmc_mj.studies.margins.row import LawMargins
+from grosmc_mj.studies.target import StudiedLaw
 
 
 class Count(Question):
@@ -63,6 +66,27 @@ def test_an_interrupt_leaves_what_is_finished(pieces: int, tmp_path: Path, capsy
         document = json.loads(count.path.read_text())
         assert document["complete"] is False
         assert document["answers"][0]["verdict"] == OPEN
+
+
+def test_the_headline_of_a_part_names_what_is_not_finished(
+    tmp_path: Path, capsys: Screen, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One law of three is judged, and the second one's measurement is interrupted."""
+
+    def measured(_: object, setup: Setup, law: StudiedLaw, *__: object) -> LawMargins:
+        if law.name != "lqr":
+            raise KeyboardInterrupt
+        return LawMargins(setup=setup.name, law=law.name, impossible="made up")
+
+    monkeypatch.setattr("grosmc_mj.studies.margins.margins.law_margins", measured)
+    laws = ("lqr", "grosmc", "fl-pid")
+    code = run("study", "margins", "servo/case1", "--laws", *laws, "--out", tmp_path)
+    assert code == cli.INTERRUPTED
+    printed = " ".join(capsys.readouterr().out.split())
+    missing, _, headline = printed.partition("; so far: ")
+    assert missing.startswith("Not finished: ")
+    assert "lqr" not in missing.partition("grosmc")[0]
+    assert "the task is not kept by lqr." in headline
 
 
 def test_an_error_in_the_work_is_the_one_that_is_told(tmp_path: Path) -> None:

@@ -103,8 +103,13 @@ class _JudgeQuestion(Question):
         order = [claim.id for claim in self._claims]
         self._findings.sort(key=lambda finding: order.index(finding.claim.id))
         differences = [f"differs: {line}" for line in self._differences]
-        result = claims_result(self._findings, self._lab.settings, differences, self._of)
-        return result if complete else result.unfinished()
+        return claims_result(self._findings, self._lab.settings, differences, self._of)
+
+    @property
+    def missing(self) -> Sequence[str]:
+        """Claims that are not judged."""
+        judged = [finding.claim.id for finding in self._findings]
+        return [claim.id for claim in self._claims if claim.id not in judged]
 
     def draw(self) -> Sequence[Path]:
         """Draw the story of a single claim."""
@@ -191,8 +196,13 @@ class _SweepQuestion(Question):
 
         if not complete and (self._record or not self._sweeps):
             return None
-        result = sweeps_result(self._sweeps, self._lab.settings)
-        return result if complete else result.unfinished()
+        return sweeps_result(self._sweeps, self._lab.settings)
+
+    @property
+    def missing(self) -> Sequence[str]:
+        """Claims from that of the last choice on: it may have more choices."""
+        varied = [claim.id for claim in self._claims if claim.choices]
+        return varied[varied.index(self._sweeps[-1]["claim"]) :]
 
 
 @command
@@ -252,8 +262,12 @@ class _PremisesQuestion(Question):
 
         if not self._audits:
             return None
-        result = premises_result(self._audits, self._lab.settings)
-        return result if complete else result.unfinished()
+        return premises_result(self._audits, self._lab.settings)
+
+    @property
+    def missing(self) -> Sequence[str]:
+        """Cases that are not checked."""
+        return [case.target for case in self._experiments[len(self._audits) :]]
 
 
 def _run_cache() -> RunCache:

@@ -187,6 +187,11 @@ class _IdentifyQuestion(Question):
             raise KeyboardInterrupt
 
     @property
+    def missing(self) -> Sequence[str]:
+        """The search, if it was interrupted."""
+        return () if self.best is None or self.best.finished else ("the search",)
+
+    @property
     def _plant(self) -> Plant:
         """The plant that is fitted."""
         experiment = self.parameters.experiment

@@ -152,7 +152,7 @@ class _PredictQuestion(Question):
         configuration = self._configuration()
         result = prediction_result(self._asked, self._complete, configuration)
         self._kept = result.answers[-1].verdict == KEPT
-        return result if complete else result.unfinished()
+        return result
 
     def draw(self) -> Sequence[Path]:
         """Draw the log beside the predicted runs."""

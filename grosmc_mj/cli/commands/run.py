@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -166,6 +167,13 @@ class _RunQuestion(Question):
         self._complete = complete
         self._kept = result.kept
         return result
+
+    @property
+    def missing(self) -> Sequence[str]:
+        """Runs that are not made."""
+        made = [(run.plant, run.controller.name) for run in self._results]
+        runs = product(self._experiment.plant_names, self._experiment.controllers)
+        return [f"{law} on {plant}" for plant, law in runs if (plant, law) not in made]
 
     def show(self, result: Result, *, full: bool, among: bool) -> None:
         """Write and print the result; that of another file of this name is renamed before."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY
 from pathlib import Path
@@ -144,6 +145,19 @@ class _ValidateQuestion(Question):
         if not self._done.results:
             return None
         return self._done.result()
+
+    @property
+    def missing(self) -> Sequence[str]:
+        """Cases that are not run to their end, systems that are not compared, claims."""
+        runs = Counter(run.case.key for run in self._done.results)
+        compared = {agreement.system for agreement in self._done.agreements}
+        judged = [finding.claim.id for finding in self._done.findings]
+        cases = [case.target for case in self._experiments if runs[case.key] < len(case.laws)]
+        systems = [
+            f"{system} against its equations" for system in self._systems if system not in compared
+        ]
+        claims = [claim.id for claim in self._claims() if claim.id not in judged]
+        return [*cases, *systems, *claims]
 
     def show(self, result: Result, *, full: bool, among: bool) -> None:
         """Write and print the result, and write the curves of each case."""

@@ -166,8 +166,6 @@ def _answer(
             verb = "is" if count == 1 else "are"
             words = f"{counted(count, 'requirement')} {verb} kept"
         words += f", {unjudged} not judged"
-    if not complete:
-        words += " (interrupted: not complete)"
 
     tightest = ""
     if judgements:

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
+from grosmc_mj.ground.errors import first_names
 from grosmc_mj.output.results.document import origin
 from grosmc_mj.output.results.tables import Table
 
@@ -30,6 +31,9 @@ def _harmless(text: str) -> str:
 Text = Annotated[str, Field(max_length=20_000), AfterValidator(_harmless)]
 # A number; null where JSON has none, for infinities and NaN.
 Number = float | None
+
+# Largest number of names of what is not finished in a headline.
+_MOST_MISSING = 8
 
 # Verdicts of answers, the worst first.
 NOT_KEPT = "not kept"
@@ -340,12 +344,19 @@ class Result(Provenance):
         """True if every answer is good."""
         return all(answer.good for answer in self.answers)
 
-    def unfinished(self) -> Result:
-        """Return the result of a part of the work: open, but for what is not kept already."""
+    def unfinished(self, missing: Sequence[str] = ()) -> Result:
+        """Return the result of a part of the work: open, but for what is not kept already.
+
+        Args:
+            missing: Names of what is not finished, with which the first answer begins.
+        """
         answers = []
         for answer in self.answers:
             verdict = NOT_KEPT if answer.verdict == NOT_KEPT else OPEN
-            answers.append(answer.model_copy(update={"verdict": verdict}))
+            words = answer.words
+            if missing and not answers:
+                words = f"Not finished: {first_names(missing, _MOST_MISSING)}; so far: {words}"
+            answers.append(answer.model_copy(update={"verdict": verdict, "words": words}))
         return self.model_copy(update={"complete": False, "answers": answers})
 
 

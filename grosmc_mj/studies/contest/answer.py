@@ -177,11 +177,9 @@ def _answer(study: ContestStudy, rows: Sequence[ContestLaw], *, complete: bool) 
         answer = _keeping(rows, winner)
         before = [row.law for row in rows if row.entries and row.entries[0].kept]
         more = f"With the file's numbers: {name_list(before) or 'none'}."
-    if complete:
-        answer = f"{answer[0].upper()}{answer[1:]}"
-    else:
+    answer = f"{answer[0].upper()}{answer[1:]}"
+    if not complete:
         verdict = OPEN
-        answer = f"So far {answer}"
     return Answer(
         question=f"Contest on {study.target}",
         verdict=verdict,

@@ -9,7 +9,6 @@ from typing import Any
 
 from grosmc_mj.experiments.file.schema import ClaimTable
 from grosmc_mj.experiments.measured import MEASURED
-from grosmc_mj.ground.errors import name_list
 from grosmc_mj.ground.wording import counted_of
 from grosmc_mj.output.results.result import (
     KEPT,
@@ -49,9 +48,13 @@ _TITLES = {
 
 
 def verdict(studied: Ladder, rows: Sequence[Verdict], condition: str) -> str:
-    """Return one sentence: how many laws pass, and which rungs break most of them."""
+    """Return one sentence: how many laws pass, and which rungs break most of them.
+
+    A law that has not climbed all rungs yet does not count.
+    """
     climbed = climbs(rows, condition).values()
     top = studied.climbing[-1].name
+    finished = 0
     complete = 0
     every = 0
     broken_by = Counter[str]()
@@ -60,18 +63,16 @@ def verdict(studied: Ladder, rows: Sequence[Verdict], condition: str) -> str:
         last = rungs[-1]
         if failed is not None:
             broken_by[failed.step] += 1
+        finished += last.step == top
         if last.step == top and last.kept:
             complete += 1
             every += failed is None
 
-    passing = counted_of(every, len(climbed), "law", "passes", "pass")
+    passing = counted_of(every, finished, "law", "passes", "pass")
     answer = f"{passing} every rung, {complete} the complete machine"
     breaks = ", ".join(f"{rung} breaks {count}" for rung, count in broken_by.most_common(3))
     if breaks:
         answer += f"; {breaks}"
-    unfinished = [rungs[0].law for rungs in climbed if rungs[-1].step != top]
-    if unfinished:
-        answer += f"; not finished: {name_list(unfinished)}"
     under_it = [row for row in rows if row.condition == condition]
     return f"{answer}.{_agreement(under_it, top)}"
 
@@ -357,8 +358,6 @@ def _answers(studied: Ladder, rows: Sequence[Verdict], *, complete: bool) -> Ite
         words = verdict(studied, rows, condition.name)
         if len(studied.conditions) > 1:
             words = f"{condition.name}: {words}"
-        if not complete:
-            words += " Interrupted: not complete."
         yield Answer(question=f"Ladder of {studied.target}", verdict=judgement, words=words)
 
 

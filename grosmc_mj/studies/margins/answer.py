@@ -59,7 +59,7 @@ def verdict(rows: Sequence[LawMargins]) -> str:
     failing = [row.law for row in rows if row.setup == setup and not row.changes]
     first = f"Without any change {name_list(failing)}: not kept. " if failing else ""
     if not delays:
-        return f"{setup}: no law keeps its task."
+        return f"{setup}: the task is not kept by {name_list(failing)}."
 
     least = min(delays, key=delays.__getitem__)
     most = max(delays, key=delays.__getitem__)

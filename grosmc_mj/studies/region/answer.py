@@ -188,7 +188,6 @@ def _answer(region: RegionStudy, maps: Sequence[RegionMap], *, complete: bool) -
     words = "; ".join(shares)
     if not complete:
         verdict = OPEN
-        words += ", so far"
     plants = dict.fromkeys(law_map.case for law_map in maps)
     return Answer(
         question=f"Region of {region.system.name}",

@@ -233,8 +233,6 @@ def _document_answer(
     weak = {row.law for row in rows if row.largest_kept is None}
     keeping = counted_of(len(laws) - len(weak), len(laws), "law", "keeps", "keep")
     answer = f"{keeping} all in every ideal loop"
-    if not complete:
-        answer += ", so far"
     return Answer(
         question=f"Tolerance of {target}",
         verdict=MEASURED if complete else OPEN,

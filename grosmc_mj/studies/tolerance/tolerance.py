@@ -159,6 +159,11 @@ class ToleranceStudy(Study[Verdicts]):
                 runner.progress(cell.name)
                 yield part.report
 
+    def missing(self, rows: Sequence[Verdicts]) -> list[str]:
+        """Return the laws that are not finished; rows come in the order of their processes."""
+        finished = {verdict.law for row in rows for verdict in row.rows}
+        return [law.name for law in self.laws if law.name not in finished]
+
     def tolerances(self, rows: Iterable[Verdicts]) -> list[Verdict]:
         """Return the answers of finished rows, law by law."""
         order = [law.name for law in self.laws]

@@ -114,7 +114,7 @@ def law_answer(study: TuneStudy, row: TunedLaw) -> Answer:
     more = ""
     if not row.complete:
         verdict = OPEN
-        answer = f"{row.law}: so far {_nearest(bound)}, {runs}"
+        answer = f"{row.law}: {_nearest(bound)} at best, {runs}"
     elif not row.found:
         verdict = NOT_KEPT
         answer = f"None found for {row.law} in {runs}; nearest: {_nearest(bound)}"
@@ -334,11 +334,11 @@ def tune_result(study: TuneStudy, rows: Sequence[TunedLaw], *, complete: bool) -
         complete=complete,
         answers=[law_answer(study, row) for row in rows],
         standings=standings(
-            study.target, _verdicts(rows), worst_failed, _standing_words, complete=complete
+            study.target, _verdicts(judged), worst_failed, _standing_words, complete=complete
         ),
         sheets=sheets,
         remarks=_remarks(study),
-        values=values_of(study.target, _verdicts(rows)),
+        values=values_of(study.target, _verdicts(judged)),
         target=study.target,
         conditions=conditions_document(item.condition for item in study.conditions),
         laws=[_law_document(row) for row in rows],

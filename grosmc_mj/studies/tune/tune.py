@@ -103,6 +103,10 @@ class TuneStudy(Study[TunedLaw]):
         """Return the number of steps of the progress: the runs of all laws."""
         return self.runs * len(cells)
 
+    def missing(self, rows: Sequence[TunedLaw]) -> list[str]:
+        """Return the laws whose search has not ended; an interrupted one has a row, too."""
+        return super().missing([row for row in rows if row.complete])
+
     def rows(
         self, cells: Sequence[StudyCell[TunedLaw]], runner: CellRunner[TunedLaw]
     ) -> Iterator[TunedLaw]:

@@ -14,7 +14,7 @@ from commands import run
 from grosmc_mj import cli
 from grosmc_mj.ground.executors.pools import InProcess
 from grosmc_mj.output.results.document import json_text
-from grosmc_mj.output.results.verdicts import Verdict
+from grosmc_mj.output.results.verdicts import Verdict, Verdicts
 from grosmc_mj.studies.tolerance import answer, tolerance
 from grosmc_mj.studies.tolerance.answer import verdict
 from grosmc_mj.studies.tolerance.tolerance import ToleranceStudy, tolerance_study
@@ -77,6 +77,13 @@ def test_the_verdict_has_the_amount_that_fails() -> None:
     )
     never = verdict([row_of(SERVO, 0, 0.125, 0.5, condition="case1")], SERVO.kinds)
     assert "under case1: all is kept only without it; the first failure found is at 0.5 ms" in never
+
+
+def test_laws_without_a_row_are_not_finished_in_whatever_order_rows_come() -> None:
+    second = SERVO.laws[1].name
+    rows = [Verdicts(rows=(row_of(SERVO, 0, 1.0, 2.0, law=second),))]
+    assert second not in SERVO.missing(rows)
+    assert SERVO.missing(rows)[0] == SERVO.laws[0].name
 
 
 @pytest.fixture(scope="module")

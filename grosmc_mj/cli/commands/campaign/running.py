@@ -101,6 +101,13 @@ class RunsQuestion(Question):
             self.campaign, self.found, self.at_least, self.progress, self.searched, self.failing
         )
 
+    @property
+    def missing(self) -> Sequence[str]:
+        """How many parts are not there."""
+        parts = self.campaign.specification.shards
+        missing = parts - self._done
+        return [f"{missing} of {parts} parts"] if missing else []
+
     def note(self, law: str, found: WorstPlant | Radius) -> None:
         """Note what a search found under a law."""
         self.searched.setdefault(law, []).append(found.words)
@@ -174,7 +181,13 @@ class WorstQuestion(Question):
         if not self.plants:
             return None
         result = worst_result(self.runs.campaign, self.plants)
-        return result if complete else result.unfinished()
+        return result if complete else result.unfinished(self.missing)
+
+    @property
+    def missing(self) -> Sequence[str]:
+        """Laws under which the search has not ended."""
+        laws = list(self.runs.campaign.judged)[len(self.plants) :]
+        return [f"worst plant under {law}" for law in laws]
 
     @property
     def advice(self) -> str:
@@ -218,7 +231,13 @@ class RadiusQuestion(Question):
         if not self.radii:
             return None
         result = radius_result(self.runs.campaign, self.radii)
-        return result if complete else result.unfinished()
+        return result if complete else result.unfinished(self.missing)
+
+    @property
+    def missing(self) -> Sequence[str]:
+        """Laws whose radius is not found."""
+        laws = list(self.runs.campaign.judged)[len(self.radii) :]
+        return [f"radius under {law}" for law in laws]
 
     @property
     def advice(self) -> str:
@@ -264,6 +283,14 @@ class CampaignQuestion(Question):
     def result(self, *, complete: bool) -> Result | None:
         """Return the statements of the runs, with what the searches found."""
         return self.runs.result(complete=complete)
+
+    @property
+    def missing(self) -> Sequence[str]:
+        """Parts of the runs, then searches by law."""
+        names = list(self.runs.missing)
+        for search in self.searches:
+            names += search.missing
+        return names
 
     def show(self, result: Result, *, full: bool, among: bool) -> None:
         """Write and print the results of the runs and of the searches."""
