@@ -114,7 +114,7 @@ def test_a_law_without_an_answer_at_its_start_is_refused_in_one_line(
 
 @pytest.mark.skipif(find_compiler() is None, reason="there is no C compiler")
 def test_a_law_whose_c_runs_otherwise_is_different(tmp_path: Path, capsys: Screen) -> None:
-    """No whole number is an error in Python and in C; compiled Python goes on with any."""
+    """int(inf) is an error in Python and in C; compiled Python goes on with some number."""
     line = "u[0] = int(x[0] / max(0.0, 0.01 - t)) % 5"
     (tmp_path / "mine.py").write_text(f"def law(t, x, memory, p, u):\n    {line}\n")
     case = cases.write(tmp_path, plant={"compare": ["physics"]}, law="mine:law")

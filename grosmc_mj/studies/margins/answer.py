@@ -37,7 +37,7 @@ LEGEND = (
     "≥: nothing more was tried."
 )
 
-# Margins of the table that may hang on the amplitude: field, name in a note, factor and unit there.
+# Margins of the table that may depend on the amplitude: field, name in a note, factor, unit there.
 _OF_AMPLITUDE = (
     ("delay", "delay by S", 1e3, " ms"),
     ("phase", "phase margin", 1.0, "°"),
@@ -196,7 +196,7 @@ def _notes_of(row: LawMargins) -> Iterator[str]:
             for level in levels:
                 value = number(factor * getattr(level.margins, margin))
                 texts.append(f"{value}{unit} at {number(level.rms)}{unit_after(level.unit)} rms")
-            yield f"{title} hangs on the amplitude: {', '.join(texts)}"
+            yield f"{title} depends on the amplitude: {', '.join(texts)}"
     if row.levels and not row.trusted:
         doubts = [level.doubt for level in row.at(len(LEVELS) - 1) if level.doubt]
         yield f"S is not trustworthy, because {(doubts or ['it is not at all inputs'])[0]}"

@@ -175,7 +175,7 @@ def interpolation_errors(frequency: ArrayLike, sensitivity: ArrayLike) -> Margin
 
 
 def is_unclear_at_zero(frequency: ArrayLike, sensitivity: ArrayLike) -> bool:
-    """Return whether the disk margin hangs on frequencies below the lowest one, and is not clear.
+    """Return whether the disk margin depends on frequencies below the lowest one, and is not clear.
 
     Args:
         frequency: Frequencies, ascending [Hz], (count,).

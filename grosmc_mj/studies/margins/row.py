@@ -108,7 +108,7 @@ class LawMargins(BaseModel):
 
     @property
     def switches(self) -> bool:
-        """Whether the law switches, so that its S hangs on the amplitude."""
+        """Whether the law switches, so that its S depends on the amplitude."""
         return self.chatter is not None
 
     def level_index(self, shared: int | None) -> int | None:

@@ -282,7 +282,7 @@ def least_margin(folder: Path, which: str) -> float:
 
 
 @pytest.mark.parametrize("which", ["3", "worst", "shrunk", "outside"])
-def test_a_plant_s_file_is_run_like_any_other(
+def test_a_plant_s_file_repeats_the_margin_of_the_campaign_to_the_bit(
     which: str, folder: Path, tmp_path: Path, capsys: Screen
 ) -> None:
     assert run("campaign", folder, "--plant", which, "--out", tmp_path) == cli.DONE

@@ -248,7 +248,7 @@ def test_trusted_amplitudes_that_disagree_by_more_than_their_errors_are_named(
         errors = replace(found.errors, delay=error * found.margins.delay)
         levels.append(found.model_copy(update={"margins": margins, "errors": errors}))
     law = LawMargins(setup="servo/bench", law="implicit", levels=levels, chatter=SWITCHES)
-    assert any("hangs on the amplitude" in note for note in notes([law])) == says
+    assert any("depends on the amplitude" in note for note in notes([law])) == says
     (cells,) = margin_table(servo().setups[1], [law]).rows
     assert (" to " in cells[4]) == says
 

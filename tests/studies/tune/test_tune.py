@@ -62,7 +62,7 @@ def test_the_best_of_a_dense_grid_is_found(tmp_path: Path, plant: str, seed: int
     numbers = BLOCK_NUMBERS if plant == "block" else LAG_NUMBERS
     study = tune_study(str(path), ["mine"], numbers, conditions=["nominal"], runs=300, seed=seed)
     _, shares = gridded(study, 31)
-    # No better point is in so small a part of the grid that luck would do.
+    # Few points keep all: luck would not do.
     assert np.mean(shares < 1) < 0.07
 
     row = tuned(replace(study, target_share=1e-3), tmp_path / "pieces")
