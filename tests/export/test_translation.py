@@ -94,6 +94,8 @@ def arrays_and_loops(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
     u[0] = max(-p.most, min(mean, p.most)) + np.sign(a) * math.exp(-abs(b)) + 0.1 * j
     # A quotient of whole numbers is none.
     u[0] += j / 4
+    for i in range(4, 1, -1):
+        u[0] = 0.5 * u[0] + i
 
 
 def constant_law(t: float, x: Any, memory: Any, p: Any, u: Any) -> None:
