@@ -36,7 +36,12 @@ from grosmc_mj.experiments.laws.packaged import knows_limits, switching_numbers
 from grosmc_mj.experiments.laws.request import LawRequest
 from grosmc_mj.experiments.number import find_number
 from grosmc_mj.experiments.plants import NominalPlant, PlantName, design_variant, nominal_plant
-from grosmc_mj.experiments.plausible import beyond_ranges, implausible, joint_ranges
+from grosmc_mj.experiments.plausible import (
+    beyond_ranges,
+    implausible,
+    joint_ranges,
+    unusual_limits,
+)
 from grosmc_mj.experiments.requirement_tables import requirements_in
 from grosmc_mj.experiments.requirements.conditions import Conditions, end_of_transient
 from grosmc_mj.experiments.requirements.judging import Judgement, decidable, judge_runs
@@ -172,6 +177,7 @@ class Experiment:
     def _implausible(self) -> list[str]:
         """Return a line for each number that is allowed, and probably a mistake."""
         lines = list(implausible(self.nominal.system, self.x0, self.edits, self.loop))
+        lines += unusual_limits(self.limits)
         ranges = joint_ranges(self.nominal.plant, self.edits)
         lines += beyond_ranges(
             ranges, self.nominal.system, self.x0, self.laws.values(), self.duration

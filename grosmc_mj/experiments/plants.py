@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -20,7 +21,13 @@ from grosmc_mj.experiments.file.schema import CaseFile
 from grosmc_mj.experiments.file.user_code import blamed, load_named
 from grosmc_mj.experiments.file.values import states_of
 from grosmc_mj.ground.arguments import require_known
-from grosmc_mj.ground.errors import ArgumentError, PremiseError, SetupError, value_text
+from grosmc_mj.ground.errors import (
+    ArgumentError,
+    PremiseError,
+    SetupError,
+    did_you_mean,
+    value_text,
+)
 from grosmc_mj.ground.files import is_there
 from grosmc_mj.mechanics.machine.voltage_input import VoltageInput
 from grosmc_mj.mechanics.physics.edit import Edit
@@ -289,7 +296,19 @@ def _file_beside(text: str, folder: Path) -> Path:
     hint = ""
     if is_there(folder / text.replace("\\", "/")):
         hint = ": write / in the place of \\"
+    else:
+        nearest = did_you_mean(path.name, _names_in(path.parent, path.suffix))
+        place = value_text(str(path.parent.absolute()), str)
+        hint = f" in {place}{':' if nearest else ''}{nearest}"
     raise ArgumentError(f"plant: model: there is no file {value_text(text, str)}{hint}")
+
+
+def _names_in(folder: Path, suffix: str) -> list[str]:
+    """Return the names of files of a kind in a folder; none of one that cannot be read."""
+    # A name that no file system takes is a ValueError.
+    with contextlib.suppress(OSError, ValueError):
+        return sorted(file.name for file in folder.iterdir() if file.suffix == suffix)
+    return []
 
 
 def _believed(text: str, nominal: NominalPlant, folder: Path) -> AnalyticPlant:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.experiments.file.parts import table_of
+from grosmc_mj.experiments.requirements import Requirement
 from grosmc_mj.ground.fields import Range, range_of
 from grosmc_mj.ground.wording import unit_after
 from grosmc_mj.mechanics.machine.stops import Stop
@@ -50,6 +51,17 @@ def implausible(
         if usual:
             unit = unit_after(str(bounds.unit))
             yield f"{label} = {value:g}{unit} is implausible; usual: {usual}{unit}"
+
+
+def unusual_limits(limits: Iterable[Requirement]) -> list[str]:
+    """Return a line for each requirement whose number is far beyond the usual, each once."""
+    lines: dict[str, None] = {}
+    for limit in limits:
+        if limit.number > limit.usual:
+            unit = "a share" if limit.quantity == "1" else limit.unit
+            line = f"{limit.key} = {limit.number:g} is implausible; usual: up to {limit.usual:g}"
+            lines[f"{line}, {unit}"] = None
+    return list(lines)
 
 
 def _starts(system: System, x0: Sequence[float]) -> Iterator[tuple[str, Any, Range]]:

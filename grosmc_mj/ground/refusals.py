@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from pydantic_core import PydanticCustomError
 
 from grosmc_mj.ground.errors import unknown_name, value_text
+from grosmc_mj.ground.units import number_hint
 from grosmc_mj.ground.wording import counted
 
 # Types by pydantic's names of errors.
@@ -76,7 +77,8 @@ def _words(mistake: Any, place: RefusedPlace) -> str:
             return f"{place.name} = {value_text(given)} must have {most} at most"
         case "value_error":
             return f"{place.name}: {message.removeprefix('Value error, ')}"
-    return f"{place.name} = {_written(kind, given)} {_must_be(mistake)}"
+    hint = number_hint(given) if kind == "float_type" else ""
+    return f"{place.name} = {_written(kind, given)} {_must_be(mistake)}{hint}"
 
 
 def _written(kind: str, given: Any) -> str:

@@ -388,6 +388,11 @@ def in_units(value: Any) -> Any:
     return value
 
 
+def example_in(unit: str) -> str:
+    """Return a number in a unit as a file has it, for messages."""
+    return _EXAMPLES.get(unit, f"1 {unit}")
+
+
 def number_in(value: Any, unit: str) -> float:
     """Return a value such as ``"10 deg"`` as a number in a unit.
 
@@ -402,11 +407,11 @@ def number_in(value: Any, unit: str) -> float:
     if unit in {"", "1", "%"}:
         if not is_number(value):
             raise ArgumentError(
-                f"{value_text(value)} must be a number without a unit{_number_hint(value)}"
+                f"{value_text(value)} must be a number without a unit{number_hint(value)}"
             )
         return _finite(float(value), value)
 
-    example = _EXAMPLES.get(unit, f"1 {unit}")
+    example = example_in(unit)
     if isinstance(value, (InUnit, WholeInUnit)):
         return _finite(float(value), value)
     if is_number(value):
@@ -461,14 +466,14 @@ def typed_number(text: str, unit: str) -> float:
     return number_in(text, unit)
 
 
-def _number_hint(value: Any) -> str:
+def number_hint(value: Any) -> str:
     """Return the number to write for a text of one or in per cent; empty for anything else."""
     if not isinstance(value, str):
         return ""
     text = value.strip()
     share = _PERCENT.fullmatch(text)
     if share is not None:
-        return f": write {float(share[1]) / 100:.12g}"
+        return f": write {float(share[1]) / 100:.12g}, a share"
     number = _NUMBER.fullmatch(_with_point(text))
     if number is not None and not number[2]:
         return f": it is a text: write {number[1]} without quotes"

@@ -16,6 +16,7 @@ from own_files import LEG, OWN, pendulum
 
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.file.shipped import shipped_files
+from grosmc_mj.experiments.plausible import unusual_limits
 from grosmc_mj.ground.errors import ImplausibleWarning
 from grosmc_mj.mechanics.physics.edits import AddedMass
 from grosmc_mj.studies.sweep.runs import Row, run_rows
@@ -293,6 +294,13 @@ def test_a_stop_narrows_the_range_of_its_joint_and_never_widens_it(tmp_path: Pat
     experiment = case("stopped.xml", folder=tmp_path, task=task, stop=stop)
     with pytest.warns(ImplausibleWarning, match="is beyond the joint's range of -1 to 2 rad"):
         experiment.warn_of_implausible()
+
+
+def test_an_overshoot_of_several_times_the_step_is_implausible() -> None:
+    (limit,) = case("servo/case1", requirement={"overshoot_below": 5}).limits
+    (line,) = unusual_limits([limit])
+    assert line == "overshoot_below = 5 is implausible; usual: up to 1, a share"
+    assert unusual_limits([replace(limit, number=1.0)]) == []
 
 
 @pytest.mark.slow

@@ -66,6 +66,12 @@ TEXTS = [
     ('extends = "basis.toml"', "extends: there is no basis.toml beside it"),
     ('[[edit]]\nbody = "link"\nmass_scale = 2,5', ": a decimal point: write 2.5"),
     ('[[edit]]\nbody = "link"\nmass_scale = True', ": write true"),
+    ('[[requirement]]\novershoot_below = "5 %"', "must be a number: write 0.05, a share"),
+    ("[task]\nreference = { joint = 1.0 }", 'must be formulas in quotes: write "1.0" for 1.0'),
+    (
+        '[[motor]]\ninput = "torque"\nconstant = "1 N m/A"',
+        'resistance is missing: write it as in resistance = "1 ohm"; required: input, constant',
+    ),
     ('[[edit]]\nbody = "link"\nmass_scale = "2"', ": it is a text: write 2 without quotes"),
     ('[run]\nduration = "1,5 s"', '"1,5 s" has a decimal comma: write "1.5 s"'),
     ("[run]\ntimestep = -1.5e-3 rad/s", 'a number with a unit is a text: write "-1.5e-3 rad/s"'),
@@ -273,7 +279,11 @@ SOUND_CASES: dict[str, dict[str, Any]] = {
 }
 LEG_CASE, LEVITATED, BEAM, ROTARY = SOUND_CASES
 OPERATING_POINTS = [
-    (LEG_CASE, {"plant": {"model": "lag.xml"}}, "plant: model: there is no file lag.xml"),
+    (
+        LEG_CASE,
+        {"plant": {"model": "lag.xml"}},
+        ": did you mean 'leg.xml'?",
+    ),
     (LEG_CASE, {"plant": {"model": r"C:\me\leg.xml"}}, r"there is no file C:\me\leg.xml"),
     (
         LEG_CASE,
@@ -293,6 +303,7 @@ OPERATING_POINTS = [
         {"task": {"Q": 1, "R": 1, "reference": ["1"]}},
         "under lqr all states are held",
     ),
+    (LEVITATED, controlled("pid", kp="20 V/m", ki=1, kd=1), "plain numbers, in units of the input"),
     (LEVITATED, controlled("linear-grosmc", uncertainty=1), "must be a table with body"),
     (LEVITATED, controlled("linear-grosmc", uncertainty={"scales": {"R": 2}}), "[least, "),
     (

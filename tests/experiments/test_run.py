@@ -100,6 +100,11 @@ def test_a_wrong_command_is_one_line(arguments, words, capsys: Screen) -> None:
     assert words in capsys.readouterr().err
 
 
+def test_a_pattern_that_no_file_fits_is_no_name_of_a_new_case(capsys: Screen) -> None:
+    assert run("run", "nowhere/*worst*.toml") == cli.WRONG
+    assert "grosmc-mj new" not in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("target", "words"),
     [

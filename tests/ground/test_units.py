@@ -191,5 +191,5 @@ def test_a_number_times_a_signal_over_a_bracket_has_its_unit() -> None:
 
 @pytest.mark.parametrize(("text", "number"), [("20 %", "0.2"), ("0.5 %", "0.005"), ("7", "7")])
 def test_a_text_in_place_of_a_number_is_told_the_number(text: str, number: str) -> None:
-    with pytest.raises(ArgumentError, match=rf"write {number}( without quotes)?$"):
+    with pytest.raises(ArgumentError, match=rf"write {number}(, a share| without quotes)$"):
         number_in(text, "1")

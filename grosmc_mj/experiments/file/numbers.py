@@ -12,7 +12,7 @@ import numpy as np
 from grosmc_mj.ground.arguments import reals, require_known
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import ArgumentError, name_list, placed, value_text
-from grosmc_mj.ground.units import is_number, number_in
+from grosmc_mj.ground.units import is_number, number_hint, number_in
 from grosmc_mj.theory.control.pid_tuning import Tuning
 from grosmc_mj.theory.control.uncertainty.outputs import Uncertainty
 from grosmc_mj.theory.control.uncertainty.states import StateUncertainty
@@ -30,6 +30,7 @@ def law_number(
     *,
     unit: str = "",
     of_states: bool = False,
+    base_units: Sequence[str] = (),
 ) -> Any:
     """Return a number, a matrix, an uncertainty, a tuning, or the name of a body or of outputs.
 
@@ -39,6 +40,7 @@ def law_number(
         names: Names of the error state's entries, if the law has some.
         unit: Unit in which it may be written as a text; empty for none.
         of_states: Whether the law is designed on the linearization, with an uncertainty of states.
+        base_units: Units of inputs, outputs and time, of which that of a gain is made.
 
     Raises:
         ArgumentError: If the value does not fit.
@@ -66,12 +68,24 @@ def law_number(
     if not all(map(is_number, entries)):
         raise ArgumentError(
             f"{name} = {value_text(value)} must be a number or the rows of a matrix"
+            f"{_plain_hint(value, base_units)}"
         )
     if not all(map(math.isfinite, entries)):
         raise ArgumentError(f"{name} = {value_text(value)} must be finite")
     if np.ndim(value) == 0:
         return float(value)
     return np.array(value, float)
+
+
+def _plain_hint(value: Any, base_units: Sequence[str]) -> str:
+    """Return words on a text in the place of a plain number; empty for anything else."""
+    hint = number_hint(value)
+    if hint or not isinstance(value, str) or not base_units:
+        return hint
+    return (
+        ": gains are plain numbers, in units of the input over those of the output "
+        f"(here of {name_list(base_units)})"
+    )
 
 
 def _with_unit(name: str, value: Any, unit: str) -> float:

@@ -17,6 +17,7 @@ from grosmc_mj.experiments.file.keys import Key, keys_of
 from grosmc_mj.ground.arguments import require_known
 from grosmc_mj.ground.errors import ArgumentError, Mistakes, unknown_name, value_text
 from grosmc_mj.ground.refusals import refusal
+from grosmc_mj.ground.units import example_in
 from grosmc_mj.mechanics.physics.edit import Edit
 from grosmc_mj.theory.plants import System
 
@@ -56,6 +57,15 @@ class Form:
     def required(self) -> list[str]:
         """Names of the keys that a table must have."""
         return [name for name, key in keys_of(self.part).items() if key.required]
+
+    @property
+    def keys_in_words(self) -> str:
+        """The required keys, then all others."""
+        line = f"required: {', '.join(self.required)}"
+        others = [name for name in self.keys if name not in self.required]
+        if others:
+            line += f"; further keys: {', '.join(others)}"
+        return line
 
     @cached_property
     def numbers(self) -> list[str]:
@@ -147,8 +157,9 @@ class PartKind:
         missing = [name for name in form.required if name not in value]
         mistakes = Mistakes()
         for name in missing:
-            valid = ", ".join(form.keys)
-            mistakes.note(f"{name} is missing; it may have the keys {valid}")
+            # The keys once, however many are missing.
+            keys = f"; {form.keys_in_words}" if name == missing[-1] else ""
+            mistakes.note(f"{_missing_words(name, form.keys[name])}{keys}")
         mistakes.refuse()
         _refuse_owner(value, form)
 
@@ -204,6 +215,15 @@ def _refuse_misplaced(value: Values, owner: str, forms: Sequence[Form]) -> None:
         raise ArgumentError(
             f"{article} {owner} has no {', '.join(misplaced)}; valid: {', '.join(valid)}"
         )
+
+
+def _missing_words(name: str, key: Key) -> str:
+    """Return the words on a missing key: how a number with a unit is written."""
+    line = f"{name} is missing"
+    unit = "" if key.bounds is None else key.bounds.unit
+    if unit and isinstance(unit, str):
+        line += f': write it as in {name} = "{example_in(unit)}"'
+    return line
 
 
 def _refuse_owner(value: Values, form: Form) -> None:

@@ -115,7 +115,10 @@ def _missing(key: str, loc: Sequence[Any], keys: Sequence[str]) -> str:
     if len(loc) == 1 and field is not None:
         table = _model_in(field.annotation)
     if field is None or table is None:
-        return f"{key} is missing; it may have the keys {', '.join(keys)}"
+        fields = _table_at(loc).model_fields
+        required = [name for name in keys if fields[name].is_required()]
+        others = ", ".join(name for name in keys if name not in required)
+        return f"{key} is missing; required: {', '.join(required)}; further keys: {others}"
 
     header = f"[{key}]"
     if get_origin(field.annotation) is list:
@@ -136,16 +139,22 @@ def _empty(key: str, location: Sequence[Any]) -> str:
 def _path(loc: Sequence[Any]) -> tuple[list[str], list[str]]:
     """Return tables and key on the way to a mistake, and the keys valid where it is."""
     words: list[str] = []
-    model: type[BaseModel] = CaseFile
     for part in loc:
         if isinstance(part, int):
             words[-1] = f"{words[-1]} {part + 1}"
-            continue
+        else:
+            words.append(part)
+    return words, list(_table_at(loc).model_fields)
+
+
+def _table_at(loc: Sequence[Any]) -> type[BaseModel]:
+    """Return the table that has the key at the end of the way to a mistake."""
+    model: type[BaseModel] = CaseFile
+    for part in loc[:-1]:
         field = model.model_fields.get(part)
-        words.append(part)
-        if field is not None and part is not loc[-1]:
+        if field is not None:
             model = _model_in(field.annotation) or model
-    return words, list(model.model_fields)
+    return model
 
 
 def _model_in(annotation: Any) -> type[BaseModel] | None:

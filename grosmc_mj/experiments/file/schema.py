@@ -242,6 +242,12 @@ def _formulas(value: Any) -> Any:
     """Refuse anything but texts, in a list or by name."""
     if _all_fit(value, lambda text: isinstance(text, str)):
         return value
+    members = list(value.values()) if isinstance(value, dict) else value
+    for member in members if isinstance(members, list) else [members]:
+        if is_number(member):
+            raise ValueError(
+                f'{value_text(value)} must be formulas in quotes: write "{member}" for {member}'
+            )
     raise ValueError(
         f'{value_text(value)} must be formulas, in a list or by name such as {{ angle = "sin(t)" }}'
     )

@@ -25,6 +25,8 @@ _BASE = "base.toml"
 _OWN = "own_plant"
 # Files of a folder that a message names.
 _LISTED = 6
+# Characters of a pattern of names, which a shell leaves as it is where no file fits.
+_PATTERN = frozenset("*?[]")
 
 
 def shipped_files() -> Mapping[str, Path]:
@@ -95,10 +97,9 @@ def _missing_file(path: Path, beside: Sequence[str]) -> str:
         beside: Paths of the case files in its folder.
     """
     line = f"{path}: there is no such file"
-    commands = (
-        "grosmc-mj list names the cases of the package, "
-        f"grosmc-mj new {path.stem} writes a new file"
-    )
+    commands = "grosmc-mj list names the cases of the package"
+    if _PATTERN.isdisjoint(path.name):
+        commands += f", grosmc-mj new {path.stem} writes a new file"
     nearest = did_you_mean(path, [*beside, *shipped_files()])
     if nearest:
         return f"{line}:{nearest} {commands}"

@@ -231,8 +231,23 @@ def _arguments(
     arguments = {}
     for name, value in numbers.items():
         unit = _unit(name, value, declared[name], inputs) if name in declared else ""
-        arguments[name] = law_number(name, value, task.error.names, unit=unit, of_states=of_states)
+        arguments[name] = law_number(
+            name,
+            value,
+            task.error.names,
+            unit=unit,
+            of_states=of_states,
+            base_units=_base_units(task),
+        )
     return arguments
+
+
+def _base_units(task: Task) -> list[str]:
+    """Return the units of inputs and outputs and the second, of which those of gains are made."""
+    error = task.error
+    of_inputs = [signal.unit for signal in error.system.inputs]
+    of_outputs = [error.units[row] for row in error.output_rows]
+    return list(dict.fromkeys([*of_inputs, *of_outputs, "s"]))
 
 
 def _unit(name: str, value: Any, number: LawNumber, inputs: Sequence[Signal]) -> str:

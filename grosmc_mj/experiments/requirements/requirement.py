@@ -41,6 +41,7 @@ class Requirement:
         of_onsets: Whether it is about instants at which disturbances begin or end.
         recorded: Whether it is measured on a recorded run, not accumulated during the run.
         undefined: Reason why there is no value where the metric is infinite.
+        usual: Largest usual number; a larger one is allowed, and probably a mistake.
         number: The largest value allowed.
         unit: Unit of the number.
         written: The number as written in the file.
@@ -63,6 +64,7 @@ class Requirement:
     recorded: ClassVar[bool] = False
     needs_band: ClassVar[bool] = False
     undefined: ClassVar[str] = ""
+    usual: ClassVar[float] = math.inf
 
     number: float
     unit: str = ""

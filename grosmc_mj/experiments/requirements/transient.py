@@ -135,6 +135,8 @@ class OvershootBelow(Requirement):
     quantity = "1"
     usual_metric = "overshoot"
     undefined = "there is no error at the start"
+    # Several times the error at the start is a mistaken percentage.
+    usual = 1.0
 
     @classmethod
     def refuse_undefined(cls, error: Any, laws: Sequence[str], signal: str) -> None:

@@ -38,7 +38,9 @@ def write_plant(
         GrosmcError: If there is no such plant, or the file cannot be written.
     """
     if case_file is not None and out is not None:
-        raise ArgumentError(f"--out {out}: with --case-file the new file lies beside that one")
+        raise ArgumentError(
+            f"--out {out}: with --case-file the new file lies beside that one: leave --out out"
+        )
     campaign, notices = read_campaign(folder, case_file)
     for line in notices:
         screen.notice(line)
