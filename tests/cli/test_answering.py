@@ -52,6 +52,23 @@ class CountCommand(AnsweringCommand):
         return self.asked
 
 
+class Failing(Count):
+    """A count that keeps nothing of what is required."""
+
+    @property
+    def kept(self) -> bool:
+        return False
+
+
+@pytest.mark.parametrize("kinds", [(Count, Failing), (Failing, Count)])
+def test_one_answer_of_several_that_is_not_kept_makes_the_exit_code(
+    kinds: Sequence[type[Count]], tmp_path: Path
+) -> None:
+    asked = [kind(tmp_path / f"{kind.__name__}.json", 1) for kind in kinds]
+    assert CountCommand(asked=asked).execute() == cli.DIFFERS
+    assert CountCommand(asked=[Count(tmp_path / "count.json", 1)] * 2).execute() == cli.DONE
+
+
 @pytest.mark.parametrize("pieces", [0, 2])
 def test_an_interrupt_leaves_what_is_finished(pieces: int, tmp_path: Path, capsys: Screen) -> None:
     count = Count(tmp_path / "count.json", pieces, KeyboardInterrupt())

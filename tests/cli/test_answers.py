@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 from pkgutil import iter_modules
+from typing import Any
 
 import cases
 import pytest
@@ -17,6 +18,7 @@ from grosmc_mj.cli import screen
 from grosmc_mj.cli.commands import COMMANDS, STUDIES, Entry, study
 from grosmc_mj.cli.program import parse
 from grosmc_mj.cli.targets import recorded_experiments, result_name, shown_experiment
+from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.experiments.file.shipped import shipped_files
 
 MACHINE_WORDS = (
@@ -224,6 +226,41 @@ def test_without_a_terminal_progress_is_a_line_at_intervals(
         advance("one  of them ")
         advance(by=2)
     assert capsys.readouterr().err.splitlines() == lines
+
+
+def test_progress_counts_and_times_from_the_beginning(capsys: Screen, monkeypatch: Patch) -> None:
+    clock = iter([0.0, 12.0, 30.0])
+    monkeypatch.setattr(screen.time, "monotonic", lambda: next(clock))
+    with screen.progress(4, "runs") as advance:
+        advance()
+        advance(by=2)
+    assert capsys.readouterr().err.splitlines() == [
+        "1 of 4 runs in 12 s, about 36 s left",
+        "3 of 4 runs in 30 s, about 10 s left",
+    ]
+
+
+@pytest.mark.parametrize("name", ["tune", "study contest"])
+def test_a_search_has_the_numbers_of_its_options(name: str) -> None:
+    options = "--law lqr" if name == "tune" else ""
+    command: Any = parse(f"{name} servo {options} --runs 9 --draws 3 --held-out 7 --seed 5".split())
+    asked = command.search_options()
+    assert (asked["runs"], asked["draws"], asked["held_out"], asked["seed"]) == (9, 3, 7, 5)
+
+
+def test_a_run_is_judged_over_as_many_draws_as_are_asked_for(
+    tmp_path: Path, monkeypatch: Patch
+) -> None:
+    asked: list[int] = []
+
+    def judged(result: RunResult, draws: int) -> RunResult:
+        asked.append(draws)
+        return result
+
+    monkeypatch.setattr("grosmc_mj.studies.sweep.draws.judged_over_draws", judged)
+    cases.write(tmp_path, sensor={"of": "rotor angle", "noise": "1 mrad"})
+    assert run("run", tmp_path / "mine.toml", "--draws", 3, "--no-figures", "--out", tmp_path) == 0
+    assert set(asked) == {3}
 
 
 @pytest.mark.parametrize(("seconds", "left"), [(2.0, "78 s"), (30.0, "20 min"), (1000.0, "11 h")])

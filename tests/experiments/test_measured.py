@@ -229,14 +229,14 @@ LIMITS = [{"final_error_below": "10 mrad", "input_below": "10 A"}]
 
 @pytest.fixture(scope="module")
 def folder(simulated: RunResult, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A case file with two logs beside it: of its own run, and of a run that stays at 0.9 rad."""
+    """A case file with two logs beside it: of its own run, and of one from 0.05 to 0.9 rad."""
     path = tmp_path_factory.mktemp("logs")
     write_log(simulated, path / "good.csv", ["rotor angle"])
     run = simulated.trajectory
     columns = {
         "time [s]": run.time,
         "current [A]": np.append(run.input, run.input[-1]),
-        "rotor angle [rad]": 0.9 * run.state[:, 0],
+        "rotor angle [rad]": 0.05 + 0.85 * run.state[:, 0],
     }
     write_columns(path / "bad.csv", columns)
     logs = [{"log": f"{name}.csv", "law": "pd"} for name in ("good", "bad")]

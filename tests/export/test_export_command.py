@@ -32,6 +32,7 @@ def test_the_files_say_how_the_law_was_proven(tmp_path: Path) -> None:
     content = json.loads((tmp_path / "export_mine_lqr.json").read_text(encoding="utf-8"))
     assert content["answers"][0]["verdict"] == "kept"
     words = f"equal to the last bit in {content['samples']} samples"
+    assert "random plant" not in content["answers"][0]["words"]
     source = (tmp_path / "mine_lqr.c").read_text(encoding="utf-8")
     assert words in content["answers"][0]["words"]
     assert words in " ".join(source.split())

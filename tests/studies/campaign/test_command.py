@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -59,6 +60,18 @@ def document(folder: Path, name: str) -> dict[str, Any]:
 
 
 # Answers.
+
+
+def test_the_speed_counts_timesteps_of_the_physics(
+    file: Path, tmp_path: Path, capsys: Screen
+) -> None:
+    """Of 20 ms in timesteps of 1 ms, whatever the control period."""
+    few = ("campaign", file, "--runs", "4", "--no-figures", "--duration", "0.02")
+    assert run(*few, "--control-period", "0.004", "--out", tmp_path) in (cli.DONE, cli.DIFFERS)
+    words = " ".join(capsys.readouterr().out.split())
+    (speeds,) = re.findall(r"4 runs of 0.02 s in .* s: (\S+) runs and (\S+) timesteps", words)
+    runs, timesteps = map(float, speeds)
+    assert timesteps / runs == pytest.approx(20, rel=0.02)
 
 
 def answered_again(printed: Any, *arguments: object) -> None:
