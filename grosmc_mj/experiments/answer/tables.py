@@ -120,8 +120,10 @@ LEGEND = (
     "y*: nominal optimum of each law. settled: for good within 2 % of the initial error (never: "
     "not within the run); it and the overshoot count up to the onset of a later disturbance. J: "
     "index of each law over the run (of u for lqr on the servo and the pendulum, of v after "
-    "linearization) with the continuous part of the input alone; J* its least value; what the "
-    "rest of the input, u_d, costs is told per second. On physics the laws use the corrected "
+    "linearization) with u_c alone, the optimal feedback -K z at the states of the run; J* the "
+    "least value of J with the whole input and without an end: J of u_c is below it where other "
+    "inputs move the states, as those of a PID do, or where the run ends before it settles; what "
+    "the rest of the input, u_d, costs is told per second. On physics the laws use the corrected "
     "equations; those of the printed ones run on the printed plant only."
 )
 
