@@ -20,6 +20,7 @@ from grosmc_mj.cli.program import parse
 from grosmc_mj.cli.targets import recorded_experiments, result_name, shown_experiment
 from grosmc_mj.experiments.experiment import RunResult
 from grosmc_mj.experiments.file.shipped import shipped_files
+from grosmc_mj.ground.errors import ArgumentError
 
 MACHINE_WORDS = (
     "transmission of shaft: inertia 0.002031 kg m^2, stiffness 100 N m/rad*,",
@@ -276,3 +277,22 @@ def test_without_a_terminal_progress_says_how_long_the_rest_takes(
     assert capsys.readouterr().err.splitlines() == [
         f"1 of 40 runs in {seconds:.0f} s, about {left} left"
     ]
+
+
+def test_a_film_says_which_laws_of_its_file_it_leaves_out(
+    tmp_path: Path, monkeypatch: Patch, capsys: Screen
+) -> None:
+    laws = [{"law": "lqr"}, {"name": "softer", "law": "lqr", "Q": [1, 4]}, {"law": "grosmc"}]
+    path = cases.write(tmp_path, controller=laws)
+    shown: list[tuple[str, ...]] = []
+
+    def seen(experiment: Any, controllers: tuple[str, ...], form: Any) -> None:
+        shown.append(controllers)
+        raise ArgumentError("seen")
+
+    monkeypatch.setattr("grosmc_mj.cli.commands.film._require_filmable", seen)
+    run("film", path)
+    run("film", path, "--laws", "softer")
+    assert shown == [("lqr", "grosmc"), ("softer",)]
+    lines = [line for line in capsys.readouterr().err.splitlines() if "not shown" in line]
+    assert lines == ["not shown: softer; --laws takes up to 4 laws"]

@@ -152,14 +152,19 @@ class FilmCommand(Command):
         )
 
     def _law_names(self, experiment: Experiment) -> tuple[str, ...]:
-        """Return the laws to film, each once."""
+        """Return the laws to film, each once; say which laws of the file are left out."""
         from grosmc_mj.output.films.film import MOST_TAKES
 
         if self.laws is not None:
             return tuple(dict.fromkeys(self.laws))
-        if set(_LAWS) <= set(experiment.controllers):
-            return _LAWS
-        return tuple(dict.fromkeys(experiment.controllers[-MOST_TAKES:]))
+        declared = experiment.controllers
+        laws = _LAWS
+        if not set(laws) <= set(declared):
+            laws = tuple(dict.fromkeys(declared[-MOST_TAKES:]))
+        others = [law for law in declared if law not in laws]
+        if others:
+            screen.notice(f"not shown: {name_list(others)}; --laws takes up to {MOST_TAKES} laws")
+        return laws
 
 
 def _require_filmable(experiment: Experiment, controllers: Sequence[str], form: Format) -> None:

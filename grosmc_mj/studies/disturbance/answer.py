@@ -265,7 +265,7 @@ def disturbance_result(
         question=f"Worst disturbance of {target}",
         verdict=_verdict(rows, complete=complete),
         words=verdict(study, rows),
-        notes=[*lines.values(), *study.not_asked],
+        notes=[*lines.values(), *study.not_asked, *study.about_recovery],
     )
     return result(
         "disturbance",

@@ -133,6 +133,18 @@ class DisturbanceStudy(Study[WorstDisturbance]):
             return []
         return [f"not asked: {reason}" for reason in self._reasons(self.experiment.controllers)]
 
+    @property
+    def about_recovery(self) -> list[str]:
+        """A line on the time that counts as recovery, if that is searched."""
+        end = self.disturbance.end
+        if not math.isfinite(end):
+            return []
+        return [
+            f"recovery: counted from {end:g} s, where each disturbance ends, the compared one at "
+            f"the latest; a share of {_RECOVERIES:g} is never within the band again. run counts it "
+            "from each onset, too"
+        ]
+
     def with_required_laws(self, named: Sequence[str]) -> DisturbanceStudy:
         """Return the study of the named laws, or else of those of which something is required.
 

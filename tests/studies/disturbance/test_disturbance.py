@@ -568,6 +568,14 @@ def test_a_disturbance_to_recover_from_ends_twice_the_required_time_before_the_r
     assert known.applied_in(known.compared_case).window == (0.0, pytest.approx(2.6))
 
 
+def test_an_answer_says_from_when_on_a_recovery_counts(tmp_path: Path) -> None:
+    study = settling(tmp_path, recovery("1 s"), requirement="recovers_within")
+    (line,) = study.about_recovery
+    end = study.disturbance.end
+    assert line.startswith(f"recovery: counted from {end:g} s, where each disturbance ends")
+    assert settling(tmp_path, OVERSHOOT).about_recovery == []
+
+
 def test_the_worst_disturbance_to_recover_from_is_replayed_by_its_file(tmp_path: Path) -> None:
     """LQR comes back late from the load that acts last; a hundredth of it is kept."""
     study = settling(tmp_path, recovery("1 s"), requirement="recovers_within", pieces=2)
