@@ -25,7 +25,7 @@ from grosmc_mj.experiments.requirements.measurement import Measurement
 from grosmc_mj.experiments.requirements.requirement import Requirement
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import MISTAKE_SEPARATOR, ArgumentError, GrosmcError, Mistakes
-from grosmc_mj.ground.wording import counted, plural
+from grosmc_mj.ground.wording import counted, plural, unit_after
 from grosmc_mj.mechanics.physics.mujoco_plant import MujocoPlant
 from grosmc_mj.simulation.disturbances import AnyDisturbance
 from grosmc_mj.simulation.loop.loop import RANDOM
@@ -265,6 +265,12 @@ class Campaign:
         lines = list(self.not_judged)
         lines += [f"{never_acts(name, self.duration)}." for name in self.idle]
         lines += self.unfailing.values()
+        lines += [
+            f"{quantity.name}: its nominal value {quantity.nominal:.4g}{unit_after(quantity.unit)} "
+            "lies outside of its declared values; --worst and --radius begin there."
+            for quantity in self.family.quantities
+            if not quantity.distribution.contains(quantity.nominal)
+        ]
         lines += notes_on_plant(self.experiment, self.plant)
         return list(dict.fromkeys(lines))
 

@@ -84,6 +84,11 @@ class Distribution:
         values = self.frozen.ppf(low + (high - low) * u)
         return np.clip(values, *self.support)
 
+    def contains(self, value: float) -> bool:
+        """Whether a value lies within the support."""
+        low, high = self.support
+        return low <= value <= high
+
 
 def distribution(spread: list[Any] | DistributionTable, unit: str) -> Distribution:
     """Return the distribution that a file's range or table describes.

@@ -241,6 +241,12 @@ def test_a_disturbance_after_the_end_of_all_runs_is_idle(
     assert campaign(plain(*numbers), **options).idle == labels
 
 
+@pytest.mark.parametrize(("least", "told"), [(0.9, False), (1.0, False), (1.1, True)])
+def test_a_nominal_value_outside_of_the_declared_ones_is_told(least: float, told: bool) -> None:
+    (*_, note) = ["", *campaign(plain(uncertain("edit.rotor.mass_scale", least, 3))).notes]
+    assert ("nominal value 1 lies outside of its declared values" in note) == told
+
+
 @pytest.mark.parametrize(
     ("limit", "numbers", "notes"),
     [
