@@ -70,6 +70,8 @@ def verdict(studied: Ladder, rows: Sequence[Verdict], condition: str) -> str:
 
     passing = counted_of(every, finished, "law", "passes", "pass")
     answer = f"{passing} every rung, {complete} the complete machine"
+    if finished == 0:
+        answer = "no law has climbed every rung yet"
     breaks = ", ".join(f"{rung} breaks {count}" for rung, count in broken_by.most_common(3))
     if breaks:
         answer += f"; {breaks}"

@@ -86,6 +86,11 @@ def test_the_verdict_counts_laws_on_every_rung_apart_from_those_on_the_machine()
     )
 
 
+def test_a_law_that_is_on_its_way_is_not_judged() -> None:
+    words = answer.verdict(made_up(), [row("physics", 0.5)], "nominal")
+    assert words == "no law has climbed every rung yet."
+
+
 def test_the_answer_has_a_column_for_every_rung_beside_that_of_the_machine() -> None:
     first_screen = answer.answer_table(made_up(), FOUR_LAWS, made_up().conditions[0])
     assert [cells[:4] for cells in first_screen.rows] == [
