@@ -79,10 +79,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """
     path = folder / MANIFEST
     if not path.is_file():
-        raise SetupError(
-            f"{folder} is no campaign: it has no {MANIFEST}; name the folder of one, which is "
-            "renders/campaigns/NAME or was named by --out"
-        )
+        raise SetupError(f"{folder} is no campaign: it has no {MANIFEST}")
 
     with contextlib.suppress(OSError, ValueError, LookupError, TypeError, RecursionError):
         content = json.loads(path.read_text(encoding="utf-8"))

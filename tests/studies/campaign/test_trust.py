@@ -139,12 +139,20 @@ def test_a_plant_s_file_needs_the_case_file_beside_the_python(
     assert not was_imported(file)
 
 
+def test_plant_is_told_which_folder_it_needs(tmp_path: Path, capsys: Screen) -> None:
+    code = run("campaign", "servo/case1", "--out", tmp_path, "--plant", "worst")
+    assert code == cli.WRONG
+    error = capsys.readouterr().err
+    assert "TARGET must be the folder of a campaign, which servo/case1 is not" in error
+    assert f"campaign {tmp_path} --plant worst" in error
+
+
 def test_a_plant_s_file_lies_beside_the_named_one_and_nowhere_else(
     folder: Folder, file: Path, capsys: Screen
 ) -> None:
     plant = ("campaign", folder.path, "--plant", "0", "--case-file", file)
     assert run(*plant, "--out", folder.path) == cli.WRONG
-    line = f"--out {folder.path}: with --case-file the new file lies beside that one"
+    line = f"--out {folder.path}: with --case-file the new file lies beside that one: leave"
     assert line in capsys.readouterr().err
 
     assert run(*plant) == cli.DONE

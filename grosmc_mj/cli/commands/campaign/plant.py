@@ -11,6 +11,7 @@ from grosmc_mj.cli.streams import PROGRAM
 from grosmc_mj.ground.errors import ArgumentError
 from grosmc_mj.ground.files import atomic_write
 from grosmc_mj.studies.campaign.folder import Folder
+from grosmc_mj.studies.campaign.manifest import MANIFEST
 from grosmc_mj.studies.campaign.opening import read_campaign
 from grosmc_mj.studies.campaign.plant_file import case_text, find_plant
 
@@ -40,6 +41,12 @@ def write_plant(
     if case_file is not None and out is not None:
         raise ArgumentError(
             f"--out {out}: with --case-file the new file lies beside that one: leave --out out"
+        )
+    if not (folder / MANIFEST).is_file():
+        place = out or "renders/campaigns/NAME"
+        raise ArgumentError(
+            f"--plant {which}: TARGET must be the folder of a campaign, which {folder} is not: "
+            f"write {PROGRAM} campaign {shlex.quote(str(place))} --plant {which}"
         )
     campaign, notices = read_campaign(folder, case_file)
     for line in notices:
