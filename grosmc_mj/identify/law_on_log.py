@@ -108,7 +108,7 @@ def _require_samples(applied: AppliedLoop, log: Log) -> None:
     if not math.isclose(log.sampling, applied.period, rel_tol=_SAME_PERIOD):
         raise ArgumentError(
             f"{log.name} has a row every {1e3 * log.sampling:.4g} ms, the law runs every "
-            f"{1e3 * applied.period:.4g} ms"
+            f"{1e3 * applied.period:.4g} ms (control_period of [run])"
         )
     estimated = {name for part in applied.loop.estimators for name in part.of}
     names = [state.name for state in applied.system.states]

@@ -166,7 +166,10 @@ class DisturbanceStudy(Study[WorstDisturbance]):
         """Return why there is nothing to search for a law."""
         limits = of_laws(self.experiment.limits, {law})
         if self.requirement and self.requirement not in [limit.key for limit in limits]:
-            return f"{self.requirement} is not required of {law}"
+            return (
+                f"{self.requirement} is not required of {law}: write it into a [[requirement]] of "
+                "a case file of your own"
+            )
         words = f"nothing that may be searched is required of {law}"
         return "; ".join([words, *self._reasons([law])])
 
