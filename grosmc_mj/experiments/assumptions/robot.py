@@ -1,4 +1,4 @@
-"""The premises of a robot's run: switching rate, input gain, torques and joint limits.
+"""The premises of a robot's run: switching rate, input gain, inputs and joint limits.
 
 A robot has no declared operating region and no equations: everything is computed along the run,
 by MuJoCo's dynamics of the true plant and of the nominal one.
@@ -37,7 +37,7 @@ from grosmc_mj.simulation.trajectory import Trajectory
 from grosmc_mj.theory.control.controller import Controller
 from grosmc_mj.theory.control.reaching import gain_margin
 
-# The balance is computed at so many instants of a run; torques and angles at all of them.
+# The balance is computed at so many instants of a run; inputs and angles at all of them.
 _INSTANTS = 400
 
 
@@ -71,7 +71,7 @@ def _slides_on_robot(result: RunResult) -> bool:
 def robot_audit(result: RunResult) -> Audit:
     """The premises of a law along a run of a robot, at each instant that was looked at.
 
-    A law that does not switch has those of torques and joints only.
+    A law that does not switch has those of inputs and joints only.
 
     Args:
         result: A run in MuJoCo of a robot's law.
@@ -95,7 +95,7 @@ def robot_audit(result: RunResult) -> Audit:
         premises.append(_rate(result, plant, points))
         premises.append(_authority(result, points))
         premises.append(initial_surface(run.sliding))
-    premises.append(_torque(result))
+    premises.append(_input(result))
     if points is not None and isinstance(law.designed.error, RobotCoordinates):
         premises.append(_headroom(law, plant, points))
     premises.append(_joints(result, plant))
@@ -107,7 +107,7 @@ def robot_audit(result: RunResult) -> Audit:
 
 
 def _along(result: RunResult, plant: Any) -> Balance:
-    """The balance along the run, by the torques that were applied."""
+    """The balance along the run, by the inputs that were applied."""
     run = result.trajectory
     rows = np.unique(np.linspace(0, len(run.input) - 1, _INSTANTS).astype(int))
     points = []
@@ -140,8 +140,8 @@ def _rate(result: RunResult, plant: Any, points: Balance) -> Premise:
         note=f"required at most {worst.required:.3g}, configured {worst.configured:.3g}"
         f"{unit_after(unit)} (at t = {worst.t:.3g} s: push {worst.push:.3g} at {joint}, "
         f"r = {worst.gain_ratio:.3g}); in the push are the edits, the wrenches, and "
-        f"friction, joint limits and contacts as MuJoCo has them under the applied torque; not in "
-        f"it: that the law is sampled{machine}, and torque that was cut off",
+        f"friction, joint limits and contacts as MuJoCo has them under the applied input; not in "
+        f"it: that the law is sampled{machine}, and input that was cut off",
     )
 
 
@@ -190,16 +190,16 @@ def _least_dominant_row(R: Array, driven: Sequence[str]) -> str:
     )
 
 
-def _shares(torque: Array, limits: Array) -> Array:
-    """Torques as parts of the limit on their side, in the shape of ``torque``: 1 at the limit."""
+def _shares(u: Array, limits: Array) -> Array:
+    """Inputs as parts of the limit on their side, in the shape of ``u``: 1 at the limit."""
     low, high = limits
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(torque >= 0, torque / high, torque / low)
+        share = np.where(u >= 0, u / high, u / low)
     # 0 within limits that begin at 0.
-    return np.where(torque == 0, 0.0, share)
+    return np.where(u == 0, 0.0, share)
 
 
-def _torque(result: RunResult) -> Premise:
+def _input(result: RunResult) -> Premise:
     """The actuators give what the law asks for."""
     run = result.trajectory
     shares = _shares(result.demanded, result.input_limits)
@@ -213,12 +213,12 @@ def _torque(result: RunResult) -> Premise:
             words += f" (cut {100 * time_cut:.2g} % of the time)"
         joints.append(words)
     return Premise(
-        "torque limits",
+        "input limits",
         "the law has no bound on u",
-        "no torque that the law asks for is cut: what is left of a joint's limit, as a part of it",
+        "no input that the law asks for is cut: what is left of its limit, as a part of it",
         "1",
         along=_least(run, 1 - shares.max(axis=1), np.asarray(cut.any(axis=1), float)),
-        note=f"largest, of the joint's limit: {', '.join(joints)}",
+        note=f"largest, of its limit: {', '.join(joints)}",
     )
 
 
@@ -230,7 +230,7 @@ def _least(run: Trajectory, margins: Array, violated: Array) -> Reading:
 
 
 def _headroom(law: Controller, plant: Any, points: Balance) -> Premise:
-    """The nominal torque leaves what the switching term may need, whatever its signs."""
+    """The nominal input leaves what the switching term may need, whatever its signs."""
     error = cast(RobotCoordinates, law.designed.error)
     limits = plant.input_limits
     with np.errstate(over="ignore", invalid="ignore"):
@@ -253,13 +253,13 @@ def _headroom(law: Controller, plant: Any, points: Balance) -> Premise:
     if np.any(points.configured):
         quantities = "alone and with switching: "
     return Premise(
-        "torque headroom",
+        "input headroom",
         "eqs. (44), (55): u = M v + h",
         "along the reference, nominal inverse dynamics and |M| ρ of the switching term stay within "
         "the limits: what is left, as a part of the limit",
         "1",
         along=reading_of(points, 1 - worst.max(axis=1)),
-        note=f"largest, of the joint's limit, {quantities}{'; '.join(joints)}",
+        note=f"largest, of its limit, {quantities}{'; '.join(joints)}",
     )
 
 
@@ -278,9 +278,9 @@ def _reference_inputs(law: Controller, points: Balance) -> tuple[Array, Array]:
     return np.array(u), np.array(reserve)
 
 
-def _headroom_shares(torque: Array, limits: Array) -> Array:
-    """Torques as parts of their limits; of torques beyond all numbers nothing is left."""
-    return np.nan_to_num(_shares(torque, limits), nan=np.inf, posinf=np.inf)
+def _headroom_shares(u: Array, limits: Array) -> Array:
+    """Inputs as parts of their limits; of inputs beyond all numbers nothing is left."""
+    return np.nan_to_num(_shares(u, limits), nan=np.inf, posinf=np.inf)
 
 
 def _joints(result: RunResult, plant: Any) -> Premise:

@@ -55,7 +55,7 @@ ARM = """
 </mujoco>
 """
 N = 2
-KEPT = ("epsilon", "input gain", "s(0) = 0", "torque limits", "torque headroom", "joint limits")
+KEPT = ("epsilon", "input gain", "s(0) = 0", "input limits", "input headroom", "joint limits")
 LOAD = AddedMass("forearm", 0.4, (0.3, 0.0, 0.0))
 
 
@@ -211,11 +211,11 @@ def test_cut_torques_fail_the_premise_of_their_limits() -> None:
     """By the largest share of a limit, for the share of samples that are cut, of each joint."""
     result = run(law(epsilon=40.0))
     trajectory = result.trajectory
-    limits = premise(result, "torque limits")
+    limits = premise(result, "input limits")
     shares = np.abs(trajectory.command / [25.0, 9.0]).max(axis=0)
     cut = (trajectory.command != trajectory.input).any(axis=1)
     assert not limits.holds
-    reading = along(result, "torque limits")
+    reading = along(result, "input limits")
     assert reading.violated == cut.mean() > 0
     assert reading.margin == pytest.approx(1 - shares.max(), rel=1e-12)
     assert f"shoulder {100 * shares[0]:.0f} %" in limits.note
@@ -223,13 +223,13 @@ def test_cut_torques_fail_the_premise_of_their_limits() -> None:
 
 
 def test_a_torque_within_its_limits_is_not_cut() -> None:
-    assert premise(run(law("lqr")), "torque limits").holds
+    assert premise(run(law("lqr")), "input limits").holds
 
 
 def test_headroom_is_what_the_torques_along_the_reference_leave_of_the_limits() -> None:
     """The torques are those of inverse dynamics, plus the largest ones of switching."""
     controller = law(epsilon=2.0)
-    headroom = along(run(controller), "torque headroom")
+    headroom = along(run(controller), "input headroom")
     reference = controller.coordinates.reference
     y = np.reshape(reference(headroom.t, controller.parameters.reference), (N, 3))
     data = mujoco.MjData(arm().plant.model)
@@ -243,8 +243,8 @@ def test_headroom_is_what_the_torques_along_the_reference_leave_of_the_limits() 
 
 
 def test_there_is_more_headroom_without_switching() -> None:
-    switching = along(run(law(epsilon=2.0)), "torque headroom").margin
-    assert along(run(law("lqr")), "torque headroom").margin > switching + 0.05
+    switching = along(run(law(epsilon=2.0)), "input headroom").margin
+    assert along(run(law("lqr")), "input headroom").margin > switching + 0.05
 
 
 def test_a_touched_joint_limit_is_noticed() -> None:

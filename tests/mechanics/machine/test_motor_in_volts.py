@@ -173,7 +173,7 @@ def test_the_reference_takes_the_same_share_of_a_limit_in_volts_as_in_torque(
         motor = HIP | {"inertia": "0 kg m^2", "law_input": law_input}
         case = leg(tmp_path, motor, controller={"law": "grosmc", "k": 5, "epsilon": 2})
         (audit,) = audits([case.run()])
-        (headroom,) = [item for item in audit.premises if item.name == "torque headroom"]
+        (headroom,) = [item for item in audit.premises if item.name == "input headroom"]
         assert headroom.along is not None
         margins.append(headroom.along.margin)
     assert 0.2 < margins[0] < 0.9
