@@ -90,6 +90,16 @@ def campaign_folders(path: Path) -> dict[str, Path]:
     return {str(folder.relative_to(path)): folder for folder in folders}
 
 
+def is_one_family(old: Path, new: Path) -> bool:
+    """Return True if two folders are campaigns of one plant with the same uncertain numbers."""
+    if not all((folder / MANIFEST).is_file() for folder in (old, new)):
+        return False
+    before = read_manifest(old)
+    after = read_manifest(new)
+    same_numbers = before["configuration"]["uncertain"] == after["configuration"]["uncertain"]
+    return before["model"] == after["model"] and same_numbers
+
+
 def campaign_rows(folder: Path) -> CampaignRows:
     """Read the runs of a campaign; nothing in its folder is executed.
 

@@ -12,12 +12,13 @@ from grosmc_mj.ground.wording import counted, unit_after
 from grosmc_mj.output.page.reading import Document, read_results
 from grosmc_mj.output.results.result import KEPT, NOT_KEPT, Answer, ReportTable, Result, result
 from grosmc_mj.output.results.tables import numbers, phrases, table, words
-from grosmc_mj.studies.campaign.manifest import MANIFEST, leaves
+from grosmc_mj.studies.campaign.manifest import leaves
 from grosmc_mj.studies.comparison.campaigns import (
     KIND,
     campaign_changes,
     campaign_folders,
     campaign_rows,
+    is_one_family,
 )
 from grosmc_mj.studies.comparison.changes import Change, Effect, changes, one_sided_change
 
@@ -121,7 +122,7 @@ def compare(old: Path, new: Path) -> ResultComparison:
             f"{old} and {new} have no results in common: name two files or folders with "
             "results of the same command, target and laws"
         )
-        if all((folder / MANIFEST).is_file() for folder in (old, new)):
+        if is_one_family(old, new):
             line += (
                 "; one campaign of both laws compares them (--laws lqr grosmc): its answer has "
                 "lines 'same plants'"

@@ -488,6 +488,15 @@ def test_a_campaign_of_another_system_is_no_copy(pairs: Folder, monkeypatch: Pat
         compare(pairs.path, pairs.path)
 
 
+def test_campaigns_of_one_case_with_other_laws_are_told_how_laws_are_compared(
+    pairs: Folder, monkeypatch: Patch
+) -> None:
+    sides = iter((CAMPAIGN, OTHER_LAW))
+    monkeypatch.setattr(comparison, "campaign_rows", lambda _: next(sides))
+    with pytest.raises(ArgumentError, match="one campaign of both laws compares them"):
+        compare(pairs.path, pairs.path)
+
+
 def test_margins_of_a_campaign_have_their_units(pairs: Folder) -> None:
     units = campaign_rows(pairs.path).units
     assert units["relative"] == "of the limit"
