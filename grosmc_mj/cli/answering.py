@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 from grosmc_mj.cli import screen
 from grosmc_mj.cli.command import Command
 from grosmc_mj.cli.exit_codes import DIFFERS, DONE
-from grosmc_mj.ground.errors import SetupError
+from grosmc_mj.ground.errors import SetupError, first_names
 from grosmc_mj.ground.files import require_writable
 
 if TYPE_CHECKING:
@@ -99,11 +99,20 @@ class AnsweringCommand(Command):
             require_writable(question.path, *question.files)
 
         among = self.in_brief and len(questions) > 1
-        kept = [self._answer(question, among=among) for question in questions]
+        kept = []
+        for index, question in enumerate(questions):
+            later = [other.path.stem for other in questions[index + 1 :]]
+            kept.append(self._answer(question, later, among=among))
         return DONE if all(kept) else DIFFERS
 
-    def _answer(self, question: Question, *, among: bool) -> bool:
-        """Answer a question; returns True if it keeps what is required."""
+    def _answer(self, question: Question, later: Sequence[str], *, among: bool) -> bool:
+        """Answer a question; returns True if it keeps what is required.
+
+        Args:
+            question: The question.
+            later: Names of the questions after it, which an interrupt leaves unanswered.
+            among: True if several answers follow each other.
+        """
         try:
             question.measure()
         except (Exception, KeyboardInterrupt) as end:
@@ -111,7 +120,10 @@ class AnsweringCommand(Command):
             with contextlib.suppress(SetupError):
                 self._show(question, complete=False, among=among)
             if isinstance(end, KeyboardInterrupt):
-                raise KeyboardInterrupt(str(end) or question.advice) from None
+                advice = str(end) or question.advice
+                if later:
+                    advice += f"; not begun: {first_names(later)}"
+                raise KeyboardInterrupt(advice) from None
             raise
 
         self._show(question, complete=True, among=among)

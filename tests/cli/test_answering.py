@@ -85,6 +85,12 @@ def test_an_interrupt_leaves_what_is_finished(pieces: int, tmp_path: Path, capsy
         assert document["answers"][0]["verdict"] == OPEN
 
 
+def test_an_interrupt_names_the_questions_that_are_not_begun(tmp_path: Path) -> None:
+    first = Count(tmp_path / "first.json", 1, KeyboardInterrupt())
+    with pytest.raises(KeyboardInterrupt, match=r"; not begun: second$"):
+        CountCommand(asked=[first, Count(tmp_path / "second.json", 1)]).execute()
+
+
 def test_the_headline_of_a_part_names_what_is_not_finished(
     tmp_path: Path, capsys: Screen, monkeypatch: pytest.MonkeyPatch
 ) -> None:
