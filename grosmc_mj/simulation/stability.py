@@ -22,7 +22,7 @@ def remedy(problem: Problem) -> str:
     It names the timestep that the fastest damped pole of the plant needs at the start, if the run's
     is longer.
     """
-    general = "try a smaller control period or timestep"
+    general = "the loop is unstable, or its control period or timestep is too long"
     plant = problem.plants[0]
     if plant.stepped_by != "RK4":
         return general

@@ -226,7 +226,7 @@ RUNS_AWAY = EarlyEnd(
     x0=[0.0, 0.0],
     status=Status.DIVERGED,
     error=DivergenceError,
-    words=r"servo under lqr at t = 0.*try a smaller control period or timestep",
+    words=r"servo under lqr at t = 0.*the loop is unstable, or its control period",
     end=None,
 )
 RETURNS_INFINITY = EarlyEnd(

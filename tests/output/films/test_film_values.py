@@ -486,6 +486,18 @@ def test_a_plot_has_the_values_of_its_curves_between_the_instants_of_the_film() 
     np.testing.assert_array_equal(line.get_ydata(), run.input[250:751])
 
 
+@pytest.mark.parametrize(("size", "low", "high"), [(30.0, -0.5, 1.5), (0.1, -0.155, 1.055)])
+def test_a_run_that_ended_early_does_not_flatten_the_others(
+    size: float, low: float, high: float
+) -> None:
+    """Half of their range is room for it above and below; it may need less."""
+    time = np.linspace(0, 1, 101)
+    early = PlotCurve(time[:20], np.linspace(-size, size, 20), {})
+    axes = Figure().subplots()
+    _draw(axes, Plot("q", [PlotCurve(time, time, {}), early]), film())
+    assert axes.get_ylim() == pytest.approx((low, high))
+
+
 def test_a_power_of_ten_stands_below_a_long_title() -> None:
     """The title is longer than the axes are wide."""
     title = "size of the sliding variable |s| [rad/s]"
