@@ -168,6 +168,23 @@ def test_the_optimum_costs_its_own_optimum() -> None:
     assert metrics["cost_whole"].value == pytest.approx(optimum, rel=6e-3)
 
 
+def test_the_optimal_feedback_alone_may_cost_less_than_the_optimum_where_it_moves_nothing() -> None:
+    """Two pulses move the angle in two samples and rest; their own cost is in the whole one."""
+    theta = np.ones(len(TIME))
+    theta[0] = 0.0
+    u = np.zeros(len(TIME) - 1)
+    u[:2] = 1 / H**2, -1 / H**2
+    metrics = measured(servo_run(theta, np.zeros(len(TIME)), u))
+    feedback = metrics["cost_continuous"].value
+    optimum = metrics["cost_optimal"].value
+    whole = metrics["cost_whole"].value
+    assert feedback is not None
+    assert optimum is not None
+    assert whole is not None
+    assert feedback < 0.01 * optimum
+    assert whole > optimum
+
+
 @pytest.mark.parametrize("displacement", [0.0, 0.25, -0.3])
 def test_a_displaced_optimum_deviates_by_its_displacement(displacement: float) -> None:
     deviation = measured(bumped(5000, displacement))["deviation"]
