@@ -107,8 +107,10 @@ def test_a_law_in_discrete_time_needs_its_control_period() -> None:
     observation["time"][:] = 1e-3
     policy(observation)
     observation["time"][:] = 3e-3
-    with pytest.raises(ArgumentError, match=r"for a control period of 0\.001 s, not 0\.002 s"):
+    with pytest.raises(ArgumentError) as refused:
         policy(observation)
+    assert "for a control period of 0.001 s, not 0.002 s" in str(refused.value)
+    assert str(refused.value).endswith("with control_period=0.001")
 
 
 # A policy as a controller.
