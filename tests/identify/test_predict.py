@@ -14,6 +14,7 @@ import pyarrow
 import pyarrow.csv
 import pytest
 
+from grosmc_mj.cli.program import parse
 from grosmc_mj.experiments.experiment import Experiment
 from grosmc_mj.experiments.logs.log import Log
 from grosmc_mj.experiments.measured import run_of_log
@@ -397,3 +398,20 @@ def test_predict_judges_the_log_by_the_spread_of_runs(
     pyarrow.csv.write_csv(pyarrow.table(columns, names=header), tmp_path / "bench.csv")
     printed("predict", "bench.csv", "mine.toml", "--law", "lqr", "--seeds", 4)
     assert (tmp_path / "renders/predict_mine_bench_lqr.png").is_file()
+
+
+def test_logs_of_the_case_are_those_of_the_law_or_of_none(tmp_path: Path) -> None:
+    time = np.arange(100) * 1e-3
+    table = np.column_stack([time, 0.01 * np.sin(50 * time), 0.1 * np.cos(50 * time)])
+    header = "time [s],rotor angle [rad],current [A]"
+    for name in ("own", "any", "other"):
+        np.savetxt(tmp_path / f"{name}.csv", table, delimiter=",", header=header, comments="")
+    logs = [{"log": "own.csv", "law": "lqr"}, {"log": "any.csv"}, {"log": "other.csv", "law": "pd"}]
+    laws = [{"law": "lqr"}, {"law": "pd", "frequency": "2 rad/s"}]
+    limit = {"final_error_below": "1 rad"}
+    path = cases.write(tmp_path, controller=laws, measured=logs, requirement=limit)
+    command: Any = parse(["predict", str(path), "--law", "lqr"])
+    assert [question.path.name for question in command.questions()] == [
+        "predict_mine_own_lqr.json",
+        "predict_mine_any_lqr.json",
+    ]
