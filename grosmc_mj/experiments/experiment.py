@@ -19,6 +19,7 @@ from grosmc_mj.experiments.file.numbers import in_order, uncertainty
 from grosmc_mj.experiments.file.parts import (
     LOOP_PARTS,
     edits_of,
+    keep_known_motors,
     known_loop_of_file,
     loop_of_file,
     machine_of_file,
@@ -702,6 +703,10 @@ class Experiment:
         self._refuse_overruled(numbers)
         content = deepcopy(self.file.content)
         places = {path: place_of(self.file.content, path) for path in numbers}
+        owners = {place.owner for place in places.values()}
+        if "motor" in owners:
+            keep_known_motors(content)
+            owners.add("known_motor")
         for path, value in numbers.items():
             number = find_number(self, path, places[path]) if places[path].in_weight else None
             if number is not None:
@@ -726,7 +731,6 @@ class Experiment:
             changes += self._changes_of_file(file, places.values())
 
         # A campaign's file keeps its other tables.
-        owners = {place.owner for place in places.values()}
         tables = self.file.model_copy(update={owner: getattr(file, owner) for owner in owners})
         tables._content = content
         changed = self._copy([*changes, (("file",), tables)])

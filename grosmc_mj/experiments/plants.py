@@ -206,7 +206,7 @@ def _with_known(
     assert isinstance(nominal.plant, MujocoPlant)
     if nominal.robot is None:
         return replace(nominal, plant=nominal.plant.changed(*edits, known=True))
-    robot = nominal.robot.known(edits, voltages)
+    robot = nominal.robot.with_known(edits, voltages)
     return replace(nominal, plant=robot.plant, robot=robot)
 
 

@@ -15,7 +15,6 @@ from grosmc_mj.experiments.file.parts import (
     LOOP_PARTS,
     MACHINE_PARTS,
     unit_of,
-    voltage_inputs_of_file,
 )
 from grosmc_mj.experiments.measured import MeasuredResult, disagreements
 from grosmc_mj.experiments.requirements.judging import Judgement
@@ -164,32 +163,34 @@ def _loop_lines(experiment: Experiment) -> list[str]:
     return lines
 
 
+# Tables of motors: those that laws know stand in place of the true ones.
+_OF_MOTORS = ("motor", "known_motor")
+
+
 def _machine_lines(experiment: Experiment) -> list[str]:
     """Return lines on the parts of the machine, if it has any; * marks assumed numbers."""
     parts = experiment.parts
     if not parts:
         return []
 
-    lines = ["machine, in MuJoCo alone; no law knows these parts (*: an assumed number):"]
     file = experiment.file
     system = experiment.nominal.system
-    voltages = voltage_inputs_of_file(file, system)
+    voltages = () if experiment.nominal.robot is None else experiment.nominal.robot.voltages
+    unknown = "no law knows these parts"
+    if voltages:
+        unknown += ", but for its motor"
+    lines = [f"machine, in MuJoCo alone; {unknown} (*: an assumed number):"]
     of_file = [(kind, table) for kind in MACHINE_PARTS for table in getattr(file, kind)]
     for (kind, table), part in zip(of_file, parts, strict=True):
-        known = [name for voltage in voltages for name in voltage.numbers_of(part)]
+        known = [name for voltage in voltages for name in voltage.known_numbers(part)]
         names = [name for name in table.numbers if name not in known]
         numbers = _numbers_in_words(kind, part, names, table.assumed, system)
-        lines.append(f"{part.kind} of {part.of}: {numbers or 'nothing else'}")
+        lines.append(f"{part.kind} of {part.of}: {numbers or 'all of its numbers are known'}")
 
     for voltage in voltages:
         motor = voltage.motor
-        assumed = [
-            name
-            for kind in ("motor", "known_motor")
-            for table in getattr(file, kind)
-            if motor.of in table.of
-            for name in table.assumed
-        ]
+        tables = {table.of: table for kind in _OF_MOTORS for table in getattr(file, kind)}
+        assumed = tables[motor.of,].assumed
         numbers = _numbers_in_words("motor", motor, voltage.numbers, assumed, system)
         lines.append(f"laws give volts, and know of {motor.of}: {numbers}")
     return lines

@@ -8,7 +8,8 @@ so.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Annotated, Any
 
@@ -227,21 +228,66 @@ def voltage_inputs_of_file(file: Any, system: System) -> list[VoltageInput]:
     Raises:
         GrosmcError: For all numbers that do not fit.
     """
-    known = {table.of: table for table in file.known_motor}
-    tables = [table for table in file.motor if table.values.get("law_input") == "voltage"]
-    of_motors = {table.of for table in tables}
-
+    known: dict[Any, PartTable] = {}
     mistakes = Mistakes()
+    by_voltage = [table.of for table in file.motor if table.values.get("law_input") == "voltage"]
     for table in file.known_motor:
-        if table.of not in of_motors:
-            mistakes.note(
-                f"known_motor of {table.of[0]!r}: no [[motor]] of that input has law_input = "
-                "'voltage', so no law knows its motor"
-            )
-    believed = [known.get(table.of, table) for table in tables]
-    motors = mistakes.each("motor", believed, partial(read, system=system))
+        with mistakes.gathered(f"known_motor of {table.of[0]!r}: "):
+            _refuse_known_motor(table, by_voltage, known)
+        known[table.of] = table
+
+    inputs: list[VoltageInput] = []
+    for index, table in enumerate(file.motor, start=1):
+        if table.of not in by_voltage:
+            continue
+        with mistakes.gathered(f"motor {index}: "):
+            motor = read(table, system)
+            if table.of not in known:
+                inputs.append(VoltageInput(motor))
+        if table.of in known:
+            with mistakes.gathered(f"known_motor of {table.of[0]!r}: "):
+                believed = read(known[table.of], system)
+                inputs.append(VoltageInput(replace(believed, added=motor.added)))
     mistakes.refuse()
-    return [VoltageInput(motor) for motor in motors]
+    return inputs
+
+
+def _refuse_known_motor(
+    table: PartTable, by_voltage: Sequence[tuple[str, ...]], others: Mapping[Any, PartTable]
+) -> None:
+    """Refuse a motor that no law knows, a second one, and numbers that laws do not know.
+
+    Raises:
+        ArgumentError: With the reason.
+    """
+    if table.of not in by_voltage:
+        raise ArgumentError(
+            "no [[motor]] of that input has law_input = 'voltage', so no law knows its motor"
+        )
+    if table.of in others:
+        raise ArgumentError("there are two: give one")
+    unknown = table.values.keys() - {table.form.owner, *VoltageInput.numbers}
+    if unknown:
+        raise ArgumentError(
+            f"laws know no {', '.join(sorted(unknown))}: give "
+            f"{', '.join(VoltageInput.numbers)} alone"
+        )
+
+
+def keep_known_motors(content: dict[str, Any]) -> None:
+    """Have laws whose input is a voltage know the motor as it is now, whatever numbers it gets.
+
+    Args:
+        content: Content of a case file, in which the tables ``[[known_motor]]`` are completed.
+    """
+    known = content.get("known_motor", [])
+    inputs = [motor["input"] for motor in known]
+    kept = ("input", *VoltageInput.numbers)
+    for motor in content.get("motor", []):
+        if motor.get("law_input") == "voltage" and motor["input"] not in inputs:
+            known = [*known, {name: motor[name] for name in kept if name in motor}]
+    if known:
+        content["known_motor"] = known
 
 
 def edits_of(file: Any, system: System, *, known: bool, model: Any = None) -> tuple[Edit, ...]:

@@ -47,10 +47,10 @@ class VoltageInput(Edit):
         return self.motor.input
 
     def __str__(self) -> str:
-        return f"{self.input}: {self.motor.torque_of_volt:.4g} for 1 V"
+        return f"{self.input}: a torque or force of {self.motor.torque_of_volt:.4g} for 1 V"
 
-    def numbers_of(self, part: Edit) -> list[str]:
-        """Return names of the numbers of a true part that the law knows: none but of its motor."""
+    def known_numbers(self, part: Edit) -> list[str]:
+        """Return names of the numbers of a true motor that the law knows; none of another part."""
         if not isinstance(part, Motor) or part.of != self.of:
             return []
         return [name for name in self.numbers if getattr(part, name) == getattr(self.motor, name)]

@@ -31,24 +31,28 @@ _SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A tree of n hinges and slides, all or some of which have a torque of their own.
+    """A tree of n hinges and slides, all or some of which have an input of their own.
 
     Serial arms are such trees; branches do no harm, loops are refused. One with fewer torques than
     joints is underactuated: its laws are designed for its linearization, with a ``state_task``.
 
     Attributes:
         plant: The nominal robot in MuJoCo; ``plant.changed(...)`` makes the true one. The state
-            is q, then q'; the inputs are torques at the driven joints, in the order of the joints.
+            is q, then q'; the inputs are torques at the driven joints, or voltages of their motors,
+            in the order of the joints.
         notes: Changes of the model that was read and their reasons, in sentences.
         built: The robot as it is built, with effects that laws do not know of: lags, delays and
             couplings of joints; ``plant`` itself without such effects.
-        gears: Of each motor of the model that was read, the torque for a command of 1.
+        gears: Of each motor of the model that was read, the torque for a command of 1; none of an
+            input in volts.
+        voltages: Inputs in volts, by the motors that laws know.
     """
 
     plant: MujocoPlant
     notes: tuple[str, ...]
     built: MujocoPlant
     gears: tuple[tuple[str, float], ...] = ()
+    voltages: tuple[VoltageInput, ...] = ()
 
     @classmethod
     def from_mjcf(
@@ -82,7 +86,7 @@ class Robot:
         built_plant = plant if built is None else replace(plant, spec=built)
         return cls(plant, tuple(notes), built_plant, tuple(gears.items()))
 
-    def known(self, edits: Iterable[Edit], voltages: Sequence[VoltageInput] = ()) -> Robot:
+    def with_known(self, edits: Iterable[Edit], voltages: Sequence[VoltageInput] = ()) -> Robot:
         """Return the robot with edits that its laws know, and with voltages of motors as inputs.
 
         Raises:
@@ -96,9 +100,21 @@ class Robot:
         built = plant
         if self.built is not self.plant:
             built = replace(self.built, system=system).changed(*every, known=True)
-        in_volt = {voltage.input for voltage in voltages}
-        gears = tuple(item for item in self.gears if item[0] not in in_volt)
-        return replace(self, plant=plant, built=built, gears=gears)
+        named = [voltage.input for voltage in voltages]
+        gears = tuple(item for item in self.gears if item[0] not in named)
+        notes = [*self.notes]
+        for name in named:
+            own = f"actuator {name!r}: "
+            notes = [note for note in notes if not note.startswith(own)]
+            notes.append(f"{own}its input is the voltage of its motor; its gear is in its limits")
+        return replace(
+            self,
+            plant=plant,
+            notes=tuple(notes),
+            built=built,
+            gears=gears,
+            voltages=tuple(voltages),
+        )
 
     def _require_motor(self, name: str) -> None:
         """Refuse a voltage for a servo, or for a motor with a negative gear in the MJCF.

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from grosmc_mj.experiments.file.content import Content, read_content
-from grosmc_mj.experiments.file.parts import LOOP_PARTS
+from grosmc_mj.experiments.file.parts import LOOP_PARTS, keep_known_motors
 from grosmc_mj.experiments.file.text import text_of
 from grosmc_mj.experiments.number import written
 from grosmc_mj.experiments.plants import PlantName
@@ -222,7 +222,7 @@ def _content(campaign: Campaign, plant: ChosenPlant) -> Content:
     if uncertain_loop and any(map(experiment.knows_loop, campaign.laws)):
         _keep_known_loop(content)
     if any(quantity.number.path.startswith("motor.") for quantity, *_ in pairs):
-        _keep_known_motors(content)
+        keep_known_motors(content)
     for quantity, value, _ in pairs:
         quantity.number.write(content, value)
     if experiment.loop is not None:
@@ -260,17 +260,6 @@ def _keep_known_loop(content: Content) -> None:
     if "known_loop" not in content:
         parts = {kind: content[kind] for kind in LOOP_PARTS if kind in content}
         content["known_loop"] = deepcopy(parts)
-
-
-def _keep_known_motors(content: Content) -> None:
-    """Have laws whose input is a voltage know the motor as it is now, whatever numbers it gets."""
-    known = content.get("known_motor", [])
-    inputs = [motor["input"] for motor in known]
-    for motor in content["motor"]:
-        if motor.get("law_input") == "voltage" and motor["input"] not in inputs:
-            known = [*known, deepcopy(motor)]
-    if known:
-        content["known_motor"] = known
 
 
 def _changes(content: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from own_files import LEG
 
 from grosmc_mj.experiments.assumptions.robot import audits
 from grosmc_mj.experiments.experiment import Experiment
+from grosmc_mj.experiments.file.reading import case_file_of
 from grosmc_mj.ground.arrays import Array
 from grosmc_mj.ground.errors import GrosmcError
 
@@ -150,12 +151,24 @@ def test_laws_know_the_motor_of_the_file_whatever_the_true_one_has(tmp_path: Pat
     case = leg(tmp_path, HIP)
     other = case.changed({"motor.hip.constant": "0.024 N m/A"})
     assert other.law("physics", "lqr") is case.law("physics", "lqr")
-    known = {**HIP, "constant": "0.024 N m/A"}
+    written = case_file_of(other.file.content, other.path)
     gears = [
         experiment.law("physics", "lqr").parameters.plant.gear
-        for experiment in (case, leg(tmp_path, HIP, known_motor=known))
+        for experiment in (case, Experiment.of_file(written, other.path))
     ]
-    np.testing.assert_allclose(gears, [[-0.7 * 0.03 * 60 / 0.7, 1], [-0.7 * 0.024 * 60 / 0.7, 1]])
+    np.testing.assert_allclose(gears, 2 * [[-0.7 * 0.03 * 60 / 0.7, 1]])
+
+
+@pytest.mark.parametrize("added", [True, False])
+def test_a_known_motor_is_what_laws_take_for_the_true_one(tmp_path: Path, *, added: bool) -> None:
+    """Of a motor that is a part of the model's numbers they know no back-EMF twice."""
+    known = {key: HIP[key] for key in ("input", "resistance", "ratio", "efficiency")}
+    known["constant"] = "0.024 N m/A"
+    drive = {"joint": "hip", "damping": "4 N m s/rad", "armature": "0.2 kg m^2", "known": True}
+    case = leg(tmp_path, HIP | {"added": added}, edit=drive, known_motor=known)
+    bodies = case.law("physics", "lqr").parameters.plant
+    assert bodies.gear[0] == pytest.approx(-0.7 * 0.024 * 60 / 0.7)
+    assert bodies.damping[0] == pytest.approx(4 + added * 0.7 * (0.024 * 60) ** 2 / 0.7)
 
 
 def test_a_log_has_the_voltage_itself(tmp_path: Path) -> None:
@@ -200,6 +213,18 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "a known motor without it": (
         {"motor": [MOTOR], "known_motor": MOTOR},
         "known_motor of 'motor': no [[motor]] of that input has law_input = 'voltage'",
+    ),
+    "two known motors": (
+        {"motor": [VOLTS], "known_motor": [MOTOR, MOTOR]},
+        "known_motor of 'motor': there are two: give one",
+    ),
+    "a number that no law knows": (
+        {"motor": [VOLTS], "known_motor": MOTOR | {"inductance": "1 mH"}},
+        "laws know no inductance: give constant, resistance, ratio, efficiency, inertia alone",
+    ),
+    "a wrong known number": (
+        {"motor": [VOLTS], "known_motor": MOTOR | {"constant": "-1 N m/A"}},
+        "known_motor of 'motor': ",
     ),
     "two motors": ({"motor": [VOLTS, VOLTS]}, "has two of the kind"),
 }
