@@ -64,8 +64,6 @@ _BOTTOM = 3.1
 _FEW = 2
 # Strength of the colours that tell several signals of one run apart.
 _TINTS = {"dark": 1.0, "pale": 0.5}
-# Part of a film's duration that a run has which did not end early.
-_WHOLE = 0.99
 # Room of a plot above and below its whole runs, beside one that ended early, as a part of theirs.
 _ROOM = 0.5
 _GHOST: dict[str, Any] = {"lw": 1.1, "ls": (0, (3, 2)), "zorder": 3}
@@ -78,11 +76,13 @@ class PlotCurve(NamedTuple):
         time: [s].
         values: Values at these times.
         style: Style of the line for matplotlib.
+        ended: Whether its run ended early.
     """
 
     time: Array
     values: Array
     style: dict[str, Any]
+    ended: bool = False
 
 
 class Plot(NamedTuple):
@@ -91,18 +91,21 @@ class Plot(NamedTuple):
     title: str
     curves: list[PlotCurve]
 
-    def range_of_whole_runs(self, end: float) -> tuple[float, float] | None:
-        """Range that shows the runs up to the end of a film [s], beside one that ended early.
+    @property
+    def range_of_whole_runs(self) -> tuple[float, float] | None:
+        """Range that shows the complete runs, beside one that ended early.
 
         A run that grows without bound would leave of the others a line. None if no run ended early,
         or all did.
         """
         drawn = [curve for curve in self.curves if len(curve.time)]
-        whole = [curve.values for curve in drawn if curve.time[-1] >= _WHOLE * end]
+        whole = [curve.values for curve in drawn if not curve.ended]
         if not whole or len(whole) == len(drawn):
             return None
         low = min(float(np.nanmin(values)) for values in whole)
         high = max(float(np.nanmax(values)) for values in whole)
+        if low == high:
+            return None
         room = _ROOM * (high - low)
         return low - room, high + room
 
@@ -394,7 +397,8 @@ def _plot(
     for take, rows in zip(film.takes, values, strict=True):
         for column, strength in zip(rows.T, _TINTS.values(), strict=False):
             colour = tuple(1 - strength * (1 - part) for part in to_rgb(take.colour))
-            curves.append(PlotCurve(take.run.time[: len(column)], column, {"color": colour}))
+            time = take.run.time[: len(column)]
+            curves.append(PlotCurve(time, column, {"color": colour}, bool(take.ended)))
     return Plot(titled(title, unit), curves)
 
 
@@ -421,7 +425,7 @@ def _draw(axes: Axes, plot: Plot, film: Film) -> list[Any]:
             line = {"lw": 0.35, "alpha": 0.75, "zorder": 1.9}
         lines += axes.plot(curve.time[first:end], values, **{**line, **curve.style})
     axes.set_xlim(start, stop)
-    shown = plot.range_of_whole_runs(film.end)
+    shown = plot.range_of_whole_runs
     if shown is not None:
         low, high = axes.get_ylim()
         axes.set_ylim(max(low, shown[0]), min(high, shown[1]))

@@ -492,7 +492,7 @@ def test_a_run_that_ended_early_does_not_flatten_the_others(
 ) -> None:
     """Half of their range is room for it above and below; it may need less."""
     time = np.linspace(0, 1, 101)
-    early = PlotCurve(time[:20], np.linspace(-size, size, 20), {})
+    early = PlotCurve(time[:20], np.linspace(-size, size, 20), {}, ended=True)
     axes = Figure().subplots()
     _draw(axes, Plot("q", [PlotCurve(time, time, {}), early]), film())
     assert axes.get_ylim() == pytest.approx((low, high))
