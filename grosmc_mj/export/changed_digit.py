@@ -1,4 +1,4 @@
-"""An exported law with one number changed, which a proof must notice."""
+"""An exported law with one number changed, of which a proof must notice one."""
 
 from __future__ import annotations
 

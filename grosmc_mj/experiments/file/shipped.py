@@ -90,7 +90,7 @@ def find_file(name: str) -> Path:
 
 
 def _missing_file(path: Path, beside: Sequence[str]) -> str:
-    """Refuse a case file that is not there: what is, and how to get a new one.
+    """Return the refusal of a case file that is not there, with what is and how to get a new one.
 
     Args:
         path: Path of the file.

@@ -78,7 +78,7 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component c)
     return fmi2OK;
 }
 
-/* It is as it was made; its next initialization begins the memory. */
+/* Gives the instance its start values; the next initialization begins the memory. */
 fmi2Status fmi2Reset(fmi2Component c)
 {
     struct instance *me = c;

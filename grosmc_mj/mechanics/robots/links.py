@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -84,16 +85,7 @@ def rigid_bodies(model: mujoco.MjModel) -> RigidBodies:
         inertia[frame.link] += axes @ np.diag(model.body_inertia[body]) @ axes.T
         inertia[frame.link] += own_mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
 
-    # A motor's own damping and armature are at its shaft.
-    driven = model.actuator_trnid[:, 0]
-    squared = model.actuator_gear[:, 0] ** 2
-    gear = np.ones(n)
-    gear[driven] = gears(model)
-    damping = model.dof_damping.copy()
-    damping[driven] += squared * model.actuator_damping
-    armature = model.dof_armature.copy()
-    armature[driven] += squared * model.actuator_armature
-
+    drives = _drives(model)
     return RigidBodies(
         before=before,
         slides=(model.jnt_type == int(mujoco.mjtJoint.mjJNT_SLIDE)).astype(float),
@@ -103,13 +95,32 @@ def rigid_bodies(model: mujoco.MjModel) -> RigidBodies:
         inertia=inertia,
         mass=mass,
         weightless=weightless,
-        armature=armature,
-        damping=damping,
+        armature=drives.armature,
+        damping=drives.damping,
         stiffness=model.jnt_stiffness.copy(),
         spring=model.qpos_spring.copy(),
-        gear=gear,
+        gear=drives.gear,
         gravity=model.opt.gravity.copy(),
     )
+
+
+class _Drives(NamedTuple):
+    """Gear, damping and armature of each joint with its input, as ``RigidBodies``."""
+
+    gear: Array
+    damping: Array
+    armature: Array
+
+
+def _drives(model: mujoco.MjModel) -> _Drives:
+    """Read the joints and inputs of a model; an input's damping and armature are at its shaft."""
+    driven = model.actuator_trnid[:, 0]
+    squared = model.actuator_gear[:, 0] ** 2
+    drives = _Drives(np.ones(model.njnt), model.dof_damping.copy(), model.dof_armature.copy())
+    drives.gear[driven] = gears(model)
+    drives.damping[driven] += squared * model.actuator_damping
+    drives.armature[driven] += squared * model.actuator_armature
+    return drives
 
 
 def _rotation(quaternion: Array) -> Array:

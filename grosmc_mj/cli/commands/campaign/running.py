@@ -103,7 +103,7 @@ class RunsQuestion(Question):
 
     @property
     def missing(self) -> Sequence[str]:
-        """How many parts are not there."""
+        """Number of parts that are not run, in words."""
         parts = self.campaign.specification.shards
         missing = parts - self._done
         return [f"{missing} of {parts} parts"] if missing else []
