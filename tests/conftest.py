@@ -70,7 +70,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """What stands now stays: collections of garbage need not look through it again."""
+    """Imported modules and tests stay: collections of garbage need not look through them again."""
     gc.freeze()
 
 
@@ -84,7 +84,7 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
 
 @pytest.fixture(scope="session")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
-    """What the tests of a session make once."""
+    """Folders and commands that the tests of a session make once."""
     base = tmp_path_factory.getbasetemp()
     return Store((base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "stored")
 

@@ -1,4 +1,4 @@
-"""What the tests of a session make once: folders, and commands that have run."""
+"""Folders, and commands that have run, which the tests of a session make once."""
 
 from __future__ import annotations
 

@@ -8,6 +8,8 @@ from typing import Any
 
 import cases
 
+from grosmc_mj.studies.tune.row import TunedNumberRow
+
 PLANTS = '''
 import sympy as sp
 import grosmc_mj as gm
@@ -76,3 +78,19 @@ def write_lag(folder: Path, **tables: Any) -> Path:
     """Write the case of the lag with its plants beside it, and return its path."""
     (folder / "plants.py").write_text(PLANTS, encoding="utf-8")
     return cases.write(folder, "plants:lag", **(dict(LAG) | tables))
+
+
+def number_row(path: str, **changes: Any) -> TunedNumberRow:
+    """Return a number that is 1 in the file and after a search from 0.1 to 10, but for changes."""
+    row = TunedNumberRow(
+        path=path,
+        unit="",
+        before=1.0,
+        after=1.0,
+        low=0.1,
+        high=10.0,
+        grown=False,
+        at_end=False,
+        logarithmic=True,
+    )
+    return row.model_copy(update=changes)

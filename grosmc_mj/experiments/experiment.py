@@ -705,6 +705,7 @@ class Experiment:
         places = {path: place_of(self.file.content, path) for path in numbers}
         owners = {place.owner for place in places.values()}
         if "motor" in owners:
+            # Laws go on with the motors of the file.
             keep_known_motors(content)
             owners.add("known_motor")
         for path, value in numbers.items():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import inspect
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from importlib.util import find_spec
@@ -96,6 +96,11 @@ class NominalPlant:
     def gears(self) -> Mapping[str, float]:
         """Torque of each motor of a user's own model for a command of 1, by its name."""
         return {} if self.robot is None else dict(self.robot.gears)
+
+    @property
+    def voltages(self) -> Sequence[VoltageInput]:
+        """Inputs in volts of a user's own model, by the motors that laws know."""
+        return () if self.robot is None else self.robot.voltages
 
     @property
     def has_model(self) -> bool:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -280,17 +279,15 @@ def _is_blind(
     experiment: Experiment, law: LawInC, compiled: RunningLaw, changed: Iterable[RunningLaw]
 ) -> bool:
     """Whether samples tell none of the changed exports from the right one; False for no export."""
-    others = iter(changed)
-    first = next(others, None)
-    if first is None:
-        return False
-    right = _written(experiment, law, compiled)
-    for other in chain([first], others):
+    right = None
+    for other in changed:
+        if right is None:
+            right = _written(experiment, law, compiled)
         numbers = _written(experiment, law, other)
         # A run that ends early has fewer.
         if numbers.shape != right.shape or unequal_bits(numbers, right).any():
             return False
-    return True
+    return right is not None
 
 
 def _written(experiment: Experiment, law: LawInC, version: RunningLaw) -> Array:

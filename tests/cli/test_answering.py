@@ -154,7 +154,7 @@ def test_results_that_cannot_be_written_are_refused_before_they_are_made(
 def test_a_part_of_the_work_is_open_but_for_what_is_not_kept() -> None:
     verdicts = (KEPT, MEASURED, OPEN, NOT_KEPT)
     answers = [Answer(question="Count", verdict=verdict, words="") for verdict in verdicts]
-    part = result("count", {}, answers=answers).unfinished()
+    part = result("count", {}, answers=answers).unfinished([])
     assert not part.complete
     assert [answer.verdict for answer in part.answers] == [OPEN, OPEN, OPEN, NOT_KEPT]
 

@@ -37,8 +37,8 @@ class ExportCommand(AnsweringCommand):
     With a C compiler the law is compiled here and run in place of the Python law, on each plant of
     the case, on random plants of its [[uncertain]] tables (or of the system's campaign) and at
     random states: it is equal to the last bit, or the largest difference is told, and the verdicts
-    under both. A copy with one digit changed must differ, of one of its first 40 numbers at least,
-    or nothing is proven. Without a compiler the C is not proven, and says so.
+    under both. Of copies with one number changed (40 at most) one must differ, or nothing is
+    proven. Without a compiler the C is not proven, and says so.
 
     With --fmu the same C is packed as a source FMU (FMI 2.0, co-simulation), too.
 

@@ -11,11 +11,7 @@ from grosmc_mj.experiments.answer.tables import endings
 from grosmc_mj.experiments.assumptions.audit import Audit
 from grosmc_mj.experiments.assumptions.notes import notes_on
 from grosmc_mj.experiments.experiment import Experiment, RunResult
-from grosmc_mj.experiments.file.parts import (
-    LOOP_PARTS,
-    MACHINE_PARTS,
-    unit_of,
-)
+from grosmc_mj.experiments.file.parts import LOOP_PARTS, MACHINE_PARTS, unit_of
 from grosmc_mj.experiments.measured import MeasuredResult, disagreements
 from grosmc_mj.experiments.requirements.judging import Judgement
 from grosmc_mj.experiments.requirements.requirement import Requirement
@@ -175,7 +171,7 @@ def _machine_lines(experiment: Experiment) -> list[str]:
 
     file = experiment.file
     system = experiment.nominal.system
-    voltages = () if experiment.nominal.robot is None else experiment.nominal.robot.voltages
+    voltages = experiment.nominal.voltages
     unknown = "no law knows these parts"
     if voltages:
         unknown += ", but for its motor"
@@ -187,10 +183,12 @@ def _machine_lines(experiment: Experiment) -> list[str]:
         numbers = _numbers_in_words(kind, part, names, table.assumed, system)
         lines.append(f"{part.kind} of {part.of}: {numbers or 'all of its numbers are known'}")
 
+    of_motors = {
+        table.values["input"]: table for kind in _OF_MOTORS for table in getattr(file, kind)
+    }
     for voltage in voltages:
         motor = voltage.motor
-        tables = {table.of: table for kind in _OF_MOTORS for table in getattr(file, kind)}
-        assumed = tables[motor.of,].assumed
+        assumed = of_motors[motor.of].assumed
         numbers = _numbers_in_words("motor", motor, voltage.numbers, assumed, system)
         lines.append(f"laws give volts, and know of {motor.of}: {numbers}")
     return lines

@@ -8,7 +8,7 @@ so.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Annotated, Any
@@ -19,6 +19,7 @@ from grosmc_mj.experiments.file.part_tables import Form, PartKind, PartTable, Va
 from grosmc_mj.ground.errors import ArgumentError, Mistakes
 from grosmc_mj.ground.fields import Flag, Range, checked, range_of
 from grosmc_mj.mechanics.machine import PARTS, MachinePart
+from grosmc_mj.mechanics.machine.motor import Motor
 from grosmc_mj.mechanics.machine.voltage_input import VoltageInput
 from grosmc_mj.mechanics.physics.edit import Edit
 from grosmc_mj.mechanics.physics.edits import (
@@ -228,44 +229,39 @@ def voltage_inputs_of_file(file: Any, system: System) -> list[VoltageInput]:
     Raises:
         GrosmcError: For all numbers that do not fit.
     """
-    known: dict[Any, PartTable] = {}
+    motors: dict[tuple[str, ...], Motor] = {}
     mistakes = Mistakes()
-    by_voltage = [table.of for table in file.motor if table.values.get("law_input") == "voltage"]
+    for index, table in enumerate(file.motor, start=1):
+        if table.values.get("law_input") == "voltage":
+            with mistakes.gathered(f"motor {index}: "):
+                motors[table.of] = read(table, system)
+    mistakes.refuse()
+
+    believed: dict[tuple[str, ...], Motor] = {}
     for table in file.known_motor:
         with mistakes.gathered(f"known_motor of {table.of[0]!r}: "):
-            _refuse_known_motor(table, by_voltage, known)
-        known[table.of] = table
-
-    inputs: list[VoltageInput] = []
-    for index, table in enumerate(file.motor, start=1):
-        if table.of not in by_voltage:
-            continue
-        with mistakes.gathered(f"motor {index}: "):
-            motor = read(table, system)
-            if table.of not in known:
-                inputs.append(VoltageInput(motor))
-        if table.of in known:
-            with mistakes.gathered(f"known_motor of {table.of[0]!r}: "):
-                believed = read(known[table.of], system)
-                inputs.append(VoltageInput(replace(believed, added=motor.added)))
+            if table.of in believed:
+                raise ArgumentError("there are two: give one")
+            _refuse_known_motor(table, motors)
+            believed[table.of] = replace(read(table, system), added=motors[table.of].added)
     mistakes.refuse()
-    return inputs
+    return [VoltageInput(believed.get(of, motor)) for of, motor in motors.items()]
 
 
-def _refuse_known_motor(
-    table: PartTable, by_voltage: Sequence[tuple[str, ...]], others: Mapping[Any, PartTable]
-) -> None:
-    """Refuse a motor that no law knows, a second one, and numbers that laws do not know.
+def _refuse_known_motor(table: PartTable, motors: Mapping[tuple[str, ...], Motor]) -> None:
+    """Refuse a motor that no law knows, and numbers that laws do not know.
+
+    Args:
+        table: A table ``[[known_motor]]``.
+        motors: Motors whose voltage is the input of the laws, by their inputs.
 
     Raises:
         ArgumentError: With the reason.
     """
-    if table.of not in by_voltage:
+    if table.of not in motors:
         raise ArgumentError(
             "no [[motor]] of that input has law_input = 'voltage', so no law knows its motor"
         )
-    if table.of in others:
-        raise ArgumentError("there are two: give one")
     unknown = table.values.keys() - {table.form.owner, *VoltageInput.numbers}
     if unknown:
         raise ArgumentError(

@@ -242,8 +242,12 @@ def _formulas(value: Any) -> Any:
     """Refuse anything but texts, in a list or by name."""
     if _all_fit(value, lambda text: isinstance(text, str)):
         return value
-    members = list(value.values()) if isinstance(value, dict) else value
-    for member in members if isinstance(members, list) else [members]:
+    members = [value]
+    if isinstance(value, dict):
+        members = list(value.values())
+    elif isinstance(value, list):
+        members = value
+    for member in members:
         if is_number(member):
             raise ValueError(
                 f'{value_text(value)} must be formulas in quotes: write "{member}" for {member}'

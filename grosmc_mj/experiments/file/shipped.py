@@ -11,7 +11,7 @@ from typing import Any
 from grosmc_mj.ground.errors import (
     ArgumentError,
     did_you_mean,
-    name_list,
+    first_names,
     unknown_name,
     value_text,
 )
@@ -105,9 +105,7 @@ def _missing_file(path: Path, beside: Sequence[str]) -> str:
         return f"{line}:{nearest} {commands}"
 
     if beside:
-        line += f": its folder has {name_list(beside[:_LISTED])}"
-    if len(beside) > _LISTED:
-        line += f" and {len(beside) - _LISTED} more"
+        line += f": its folder has {first_names(beside, _LISTED)}"
     return f"{line}; {commands}"
 
 

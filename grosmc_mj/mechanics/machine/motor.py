@@ -194,7 +194,7 @@ class Motor(MachinePart):
         winding = self._winding(gear)
         self._write_motor(actuator, winding, spec.option.timestep)
         actuator.gear = [winding.gear, *[0.0] * 5]
-        # What the ideal input has of the motor in a nominal model in volts.
+        # The ideal input of a nominal model in volts has the motor's inertia and back-EMF itself.
         actuator.armature = 0.0
         actuator.damping = np.zeros_like(actuator.damping)
         if math.isfinite(high):

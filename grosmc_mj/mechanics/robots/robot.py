@@ -102,11 +102,13 @@ class Robot:
             built = replace(self.built, system=system).changed(*every, known=True)
         named = [voltage.input for voltage in voltages]
         gears = tuple(item for item in self.gears if item[0] not in named)
-        notes = [*self.notes]
-        for name in named:
-            own = f"actuator {name!r}: "
-            notes = [note for note in notes if not note.startswith(own)]
-            notes.append(f"{own}its input is the voltage of its motor; its gear is in its limits")
+        # Notes on an input in volts speak of its torque.
+        of_named = tuple(f"actuator {name!r}: " for name in named)
+        notes = [note for note in self.notes if not note.startswith(of_named)]
+        notes += [
+            f"{own}its input is the voltage of its motor; its gear is in its limits"
+            for own in of_named
+        ]
         return replace(
             self,
             plant=plant,

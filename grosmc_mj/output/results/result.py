@@ -344,7 +344,7 @@ class Result(Provenance):
         """True if every answer is good."""
         return all(answer.good for answer in self.answers)
 
-    def unfinished(self, missing: Sequence[str] = ()) -> Result:
+    def unfinished(self, missing: Sequence[str]) -> Result:
         """Return the result of a part of the work: open, but for what is not kept already.
 
         Args:

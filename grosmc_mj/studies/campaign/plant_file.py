@@ -221,7 +221,7 @@ def _content(campaign: Campaign, plant: ChosenPlant) -> Content:
     uncertain_loop = any(quantity.number.of_loop for quantity, *_ in pairs)
     if uncertain_loop and any(map(experiment.knows_loop, campaign.laws)):
         _keep_known_loop(content)
-    if any(quantity.number.path.startswith("motor.") for quantity, *_ in pairs):
+    if any(quantity.owner == "motor" for quantity, *_ in pairs):
         keep_known_motors(content)
     for quantity, value, _ in pairs:
         quantity.number.write(content, value)

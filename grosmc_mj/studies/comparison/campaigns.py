@@ -347,13 +347,13 @@ def _compared_numbers(runs: LawRuns, law: str, column: str, unit: str) -> Iterat
         comparable = bool(completed_on_both.any())
         if comparable:
             completed_before = completed_after = completed_on_both
-    mean = _mean(
+    yield _mean(
         f"{law}: {title}, mean margin",
         runs._replace(comparable=comparable),
         before[completed_before],
         after[completed_after],
+        unit,
     )
-    yield mean._replace(unit=unit)
 
 
 def _rate(
@@ -366,8 +366,9 @@ def _rate(
     interval = None
     if runs.repeated:
         verdicts = ChangedVerdicts.of(runs.after["id"], before, after)
-        rates = (float(before.mean()), float(after.mean()))
-        return ComparedNumber(name, *rates, None, verdicts=verdicts)
+        return ComparedNumber(
+            name, float(before.mean()), float(after.mean()), interval=None, verdicts=verdicts
+        )
     if runs.comparable:
         interval_of = same_plants_rate if runs.same_plants else other_plants_rate
         interval = interval_of(before, after)
@@ -379,13 +380,14 @@ def _mean(
     runs: LawRuns,
     before: Array,
     after: Array,
+    unit: str,
 ) -> ComparedNumber:
     """Return the mean margin of the runs that completed, (n,) before and (m,) after."""
     interval = None
     if runs.comparable and len(before) and len(after):
         interval_of = same_plants_mean if runs.same_plants else other_plants_mean
         interval = interval_of(before, after)
-    return ComparedNumber(name, _mean_of(before), _mean_of(after), interval)
+    return ComparedNumber(name, _mean_of(before), _mean_of(after), interval, unit)
 
 
 def _mean_of(margins: Array) -> float | None:

@@ -141,7 +141,7 @@ class DisturbanceStudy(Study[WorstDisturbance]):
             return []
         return [
             f"recovery: counted from {end:g} s, where each disturbance ends, the compared one at "
-            f"the latest; a share of {_RECOVERIES:g} is never within the band again. run counts it "
+            f"the latest; a share of {_RECOVERIES:g}: not within the band again. run counts it "
             "from each onset, too"
         ]
 

@@ -63,8 +63,10 @@ def verdict(studied: Ladder, rows: Sequence[Verdict], condition: str) -> str:
         last = rungs[-1]
         if failed is not None:
             broken_by[failed.step] += 1
-        finished += last.step == top
-        if last.step == top and last.kept:
+        if last.step != top:
+            continue
+        finished += 1
+        if last.kept:
             complete += 1
             every += failed is None
 

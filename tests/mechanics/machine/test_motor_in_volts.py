@@ -226,6 +226,10 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
         {"motor": [VOLTS], "known_motor": MOTOR | {"constant": "-1 N m/A"}},
         "known_motor of 'motor': ",
     ),
+    "a wrong motor beside a known one": (
+        {"motor": [VOLTS | {"constant": "-1 N m/A"}], "known_motor": MOTOR},
+        "motor 1: motor of 'motor': constant = -1",
+    ),
     "two motors": ({"motor": [VOLTS, VOLTS]}, "has two of the kind"),
 }
 

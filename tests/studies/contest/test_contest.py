@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from commands import run
-from tune_cases import BLOCK, PLANTS, write_block
+from tune_cases import BLOCK, PLANTS, number_row, write_block
 
 from grosmc_mj import Experiment
 from grosmc_mj.ground.errors import ArgumentError
@@ -17,7 +17,7 @@ from grosmc_mj.studies.contest.answer import contest_result, contest_table
 from grosmc_mj.studies.contest.contest import ContestStudy, contest_study
 from grosmc_mj.studies.contest.row import ContestLaw, Entry, simplest
 from grosmc_mj.studies.study import CellRunner
-from grosmc_mj.studies.tune.row import AS_IN_FILE, TUNED, TunedNumberRow
+from grosmc_mj.studies.tune.row import AS_IN_FILE, TUNED
 from grosmc_mj.studies.tune.tune import HELD_OUT
 
 # Beside a PD of two numbers: one that has its damping, and one that has hardly any.
@@ -132,17 +132,7 @@ def test_the_law_that_keeps_most_draws_is_named_beside_the_nearest(
 
 def standing(name: str, numbers: int, share: float) -> ContestLaw:
     """Return the row of a law with so many tuned numbers, at this share of its limits."""
-    number = TunedNumberRow(
-        path="k",
-        unit="",
-        before=1.0,
-        after=1.0,
-        low=0.1,
-        high=10.0,
-        grown=False,
-        at_end=False,
-        logarithmic=True,
-    )
+    number = number_row("k")
     entry = Entry(step=TUNED, verdicts=[Verdict(law=name, share=share)])
     return ContestLaw(law=name, numbers=[number] * numbers, entries=[entry])
 

@@ -113,7 +113,7 @@ def rotor(tmp_path_factory: pytest.TempPathFactory) -> DisturbanceStudy:
 
 @pytest.fixture(scope="module")
 def found(rotor: DisturbanceStudy) -> WorstDisturbance:
-    """What is found for the held rotor under LQR."""
+    """The worst disturbance that is found for the held rotor under LQR."""
     return rotor.find("lqr", lambda _: None)
 
 

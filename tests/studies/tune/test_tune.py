@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import pytest
 from commands import Screen, run
-from tune_cases import BLOCK, write_block, write_lag
+from tune_cases import BLOCK, number_row, write_block, write_lag
 
 from grosmc_mj import Experiment
 from grosmc_mj.experiments.file.paths import place_of
@@ -24,7 +24,7 @@ from grosmc_mj.output.results.verdicts import Verdict, verdict_of
 from grosmc_mj.studies.study import CellRunner
 from grosmc_mj.studies.tune.answer import binding, conflict, numbers_table, shares_of
 from grosmc_mj.studies.tune.numbers import TunedNumber, ranges_of, start_of
-from grosmc_mj.studies.tune.row import TUNED, TunedLaw, TunedNumberRow
+from grosmc_mj.studies.tune.row import TUNED, TunedLaw
 from grosmc_mj.studies.tune.shares import Measure, TriedDesign
 from grosmc_mj.studies.tune.tune import TuneStudy, tune_study
 
@@ -321,17 +321,7 @@ def test_a_number_of_either_sign_is_searched_by_the_logarithm_of_its_size(low: f
 
 
 def test_a_table_has_the_number_of_the_file_before_the_tuned_one():
-    row = TunedNumberRow(
-        path="kp",
-        unit="V/rad",
-        before=1.0,
-        after=2.0,
-        low=0.5,
-        high=8.0,
-        grown=False,
-        at_end=False,
-        logarithmic=True,
-    )
+    row = number_row("kp", unit="V/rad", after=2.0, low=0.5, high=8.0)
     law = TunedLaw(law="pid", numbers=[row], share=0.5, history=[], designs=[], best=0, runs=2)
     shown = numbers_table([law])
     assert [column.header for column in shown.columns][2:4] == ["in the file", "tuned"]
